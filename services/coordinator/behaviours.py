@@ -47,13 +47,13 @@ def process_request(memory: Memory, turn: Turn, *, limits: Limits) -> Memory:
         if memory.loose or len(memory.jobs) >= limits.waiting:
             full = (fact(Kind.TASKS_OPEN, len(memory.jobs)),)
             why = not_answering(memory, turn) if memory.loose else full
-            turn.say(job.conversation, P.REFUSE, messages.report(TaskState.FAILED, why))
+            turn.say(job.conversation, P.REFUSE, messages.report(job, TaskState.FAILED, why))
             continue
         if job.command.start > turn.now:
             job = replace(job, stage=Stage.EARLY)
             turn.wake(job.conversation, job.command.start)
         memory = requeued(replace(memory, jobs=(*memory.jobs, job)), turn, limits)
-        waiting = messages.report(TaskState.WAITING, (place(memory.jobs, job, turn.now),))
+        waiting = messages.report(job, TaskState.WAITING, (place(memory.jobs, job, turn.now),))
         turn.say(job.conversation, P.AGREE, waiting)
     return replace(memory, arrived=())
 

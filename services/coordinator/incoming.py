@@ -190,6 +190,8 @@ def _from_ta(memory: Memory, turn: Turn, received: Received, limits: Limits) -> 
     if isinstance(said, sw.Report) and state not in sw.FINAL:
         return _on_progress(memory, turn, job, said)
     why, evidence = (said.why, said.evidence) if isinstance(said, sw.Report) else ((), ())
+    if isinstance(said, sw.Report):
+        job = replace(job, hands=said.hands)
     if state is WorkerState.SUCCEEDED:
         messages.done(turn, job, why or (fact(Kind.TOOK, round(turn.now - job.arrived)),), evidence)
         return memory.without_job(job)
@@ -216,10 +218,12 @@ def _why(turn: Turn, received: Received) -> Facts:
 
 
 def _on_progress(memory: Memory, turn: Turn, job: Job, said: sw.Report) -> Memory:
+    same = (said.at, said.why, said.hands) == (job.at, job.why, job.hands)
+    job = replace(job, hands=said.hands)
     if said.state is WorkerState.WAITING:
         messages.asks(turn, job, said)
         return memory.with_job(replace(job, at=said.at, asks=True))
-    if (said.at, said.why) == (job.at, job.why) and not job.asks:
+    if same and not job.asks:
         return memory
     messages.progress(turn, job, TaskState.RUNNING, said.why, at=said.at)
     return memory.with_job(replace(job, at=said.at, why=said.why, asks=False))

@@ -15,6 +15,7 @@ from companion.design import AnyCommand
 from companion.languages import hfsm
 from companion.languages.cmd import Command
 from companion.languages.facts import Fact, Facts, Kind, fact
+from companion.languages.values import Side
 
 
 class Limits(msgspec.Struct, frozen=True):
@@ -96,6 +97,7 @@ class Job(msgspec.Struct, frozen=True, omit_defaults=True):
     # what hi was told last: the place in the plan, and the reason (or why the next plan is wanted)
     at: hfsm.Place | None = None
     why: Facts = ()
+    hands: dict[Side, str] | None = None  # what each hand holds, as ta told last; None: not yet
     # cancelled, or left for another one
     cancelling: bool = False
     suspending: bool = False  # ta was asked to leave it for another one

@@ -36,11 +36,12 @@ def network(job: Job) -> hfsm.GroundTaskNetwork:
     )
 
 
-def report(state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> TaskReport:
+def report(job: Job, state: TaskState, why: Facts, known: tuple[Evidence, ...] = ()) -> TaskReport:
     """A report with as many of the reasons, then of the evidence, as there is room for."""
-    told = facts.fitting(facts.different(why), MOST_BYTES)
-    room = MOST_BYTES - len(msgspec.msgpack.encode(told))
-    return TaskReport(state, told, evidence=evidence.fitting(known, room))
+    room = MOST_BYTES - len(msgspec.msgpack.encode(job.hands))
+    told = facts.fitting(facts.different(why), room)
+    room -= len(msgspec.msgpack.encode(told))
+    return TaskReport(state, told, evidence=evidence.fitting(known, room), hands=job.hands)
 
 
 def steps(plan: hfsm.HierarchicalPlan) -> tuple[Step, ...]:
@@ -67,8 +68,18 @@ def progress(
 ) -> None:
     """Tell hi the progress of its task; not while hi is away, since a full outbox would stop co."""
     if AgentName.HI in turn.peers and turn.holds(job.conversation):
-        room = MOST_BYTES - len(msgspec.msgpack.encode(at))
-        told = TaskReport(state, facts.fitting(why, room), steps, at, job.number(at))
+        room = MOST_BYTES - len(msgspec.msgpack.encode((at, job.hands)))
+        number = job.number(at)
+        begun = job.schedule and (number or steps)
+        told = TaskReport(
+            state,
+            facts.fitting(why, room),
+            steps,
+            at,
+            number,
+            rest=job.schedule[max(number - 1, 0)].rest if begun else 0.0,
+            hands=job.hands,
+        )
         turn.say(job.conversation, Performative.INFORM, told)
 
 
@@ -79,7 +90,8 @@ def asks(turn: Turn, job: Job, said: sw.Report) -> None:
     wait.
     """
     if turn.holds(job.conversation):
-        told = TaskReport(TaskState.RUNNING, at=said.at, number=job.number(said.at), asks=True)
+        number = job.number(said.at)
+        told = TaskReport(TaskState.RUNNING, at=said.at, number=number, asks=True, hands=job.hands)
         turn.say(job.conversation, Performative.INFORM, told)
 
 
@@ -87,18 +99,18 @@ def done(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...]) -> None:
     """Tell hi that the task is done, and how that is known; a cancel that crossed it came too
     late.
     """
-    _last(turn, job, Performative.INFORM, report(TaskState.DONE, why, known))
+    _last(turn, job, Performative.INFORM, report(job, TaskState.DONE, why, known))
 
 
 def failed(turn: Turn, job: Job, why: Facts, known: tuple[Evidence, ...] = ()) -> None:
     """Tell hi that the task failed, and why; then answer a cancel that crossed it."""
-    _last(turn, job, Performative.FAILURE, report(TaskState.FAILED, why, known))
+    _last(turn, job, Performative.FAILURE, report(job, TaskState.FAILED, why, known))
 
 
 def cancelled(turn: Turn, job: Job, why: Facts) -> None:
     """Answer the cancel; this ends the task."""
     if turn.holds(job.conversation):
-        told = report(TaskState.CANCELLED, why)
+        told = report(job, TaskState.CANCELLED, why)
         turn.say(job.conversation, Performative.INFORM, told, kind=languages.Kind.CANCEL)
 
 

@@ -16,7 +16,6 @@ from companion import commands
 from companion.design import AgentName, bind
 from companion.languages import cmd
 from companion.languages.cmd import TaskReport, TaskState
-from companion.languages.evidence import Claim
 from companion.languages.facts import Kind, fact
 from companion.run_files import (
     ANSWERED,
@@ -29,7 +28,7 @@ from companion.run_files import (
     Question,
     TaskLine,
 )
-from companion.sentences import Reader, failure, object_text, operator, person, place, state
+from companion.sentences import Reader, failure, operator, person, place, span, state
 from fipa_codec.languages import Reason
 from fipa_codec.performatives import Performative as P
 from services.human_interface import device_messages
@@ -46,6 +45,7 @@ from services.human_interface.device_messages import (
 from services.human_interface.interpretation import (
     Act,
     Ask,
+    Option,
     Tell,
     forget_objects,
     in_words,
@@ -181,6 +181,8 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
     options, busy = memory.options(word.asker, word.at), bool(memory.open_tasks)
     context = replace(memory.context, options=options, busy=busy)
     found = _timed(outcome(word.meaning, context), word, turn.now)
+    if isinstance(found, Act) and word.careful and not found.sure:
+        found = _careful(found, word.meaning.language)
     options = found.options if isinstance(found, Ask) else ()
     both = (replies_to(options, language) for language in LANGUAGES)
     replies = tuple(text for texts in both for text in texts)
@@ -207,16 +209,24 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
         case Tell(does="cancel_all"):
             return _cancel_all(memory, turn, word)
         case Tell(does="status"):
-            turn.tell(Answer(word.ticket, _status(memory, word.text, turn.now)))
+            turn.tell(Answer(word.ticket, _status(memory, word, turn.now)))
             return memory
         case Tell(does="release"):
             asks = not word.held and any(line.asks for line in memory.open_tasks)
             row = "asks" if asks else "released"
             return _no_task(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
-            text = ANSWERS[does](memory, word.meaning.language)
+            text = ANSWERS[does](memory, word.meaning.language, turn.now)
             turn.tell(Answer(word.ticket, TaskLine("", ANSWERED, text, word.text, turn.now)))
             return memory
+
+
+def _careful(act: Act, language: str) -> Act | Ask:
+    """A question before an act that nothing undoes."""
+    if not any(task.final for task in act.tasks):
+        return act
+    sure = Option("", act.tasks, act.clauses, act.instead, sure=True)
+    return Ask(say(language, "sure", in_words(act.tasks, language)), (sure,))
 
 
 def _timed(found: Act | Ask | Tell, word: Sentence, now: float) -> Act | Ask | Tell:
@@ -291,7 +301,8 @@ def _request(memory: Memory, turn: Turn, word: Sentence, task: cmd.Command) -> t
     text = _i_will((task,), word, turn.now)
     wish = InWords(in_words((task,)), in_words((task,), "pl"))
     line = TaskLine(name, TaskState.WAITING, text, word.text, turn.now, wish=wish)
-    memory = memory.with_task(replace(line, urgency=task.urgency, deadline=task.deadline))
+    line = replace(line, urgency=task.urgency, deadline=task.deadline, start=task.start)
+    memory = memory.with_task(line)
     memory = memory.with_context(mentioned=with_mentioned(memory.context.mentioned, *task.things))
     if task.surveys:
         memory = replace(memory, looks=(*memory.looks, name))
@@ -382,14 +393,12 @@ def _nothing_to_cancel(memory: Memory, task: str) -> str:
     return f"there is no task {task!r}; open are: {known}" if task else "there is nothing to cancel"
 
 
-def _status(memory: Memory, said: str, now: float) -> TaskLine:
-    lines = memory.open_tasks
+def _status(memory: Memory, word: Sentence, now: float) -> TaskLine:
+    lines, language = memory.open_tasks, word.meaning.language
     if not lines:
-        return TaskLine("", TaskState.DONE, "I have nothing to do.", said, now)
-    text = "; ".join(
-        f"{line.task} is {line.state}" + (f": {line.text}" if line.text else "") for line in lines
-    )
-    return TaskLine(lines[0].task, lines[0].state, text, said, lines[0].since)
+        return TaskLine("", TaskState.DONE, say(language, "nothing_open"), word.text, now)
+    text = " ".join(_how_far(line, language, now) for line in lines)
+    return TaskLine(lines[0].task, lines[0].state, text, word.text, lines[0].since)
 
 
 # --- telling --------------------------------------------------------------------------------------
@@ -400,7 +409,10 @@ def tell(memory: Memory, turn: Turn) -> Memory:
     for news in memory.news:
         line = memory.task(news.task)
         if line is not None and news.report is not None:
-            memory = memory.with_task(_reported(line, news.report, news.text, turn.now))
+            line = _reported(line, news.report, news.text, turn.now)
+            memory = memory.timed(line, news.report, turn.now)
+            if news.report.hands is not None:
+                memory = replace(memory, hands=news.report.hands)
         memory = replace(memory, told=memory.told + 1)
         turn.tell(
             NewEvent(HiEvent(memory.told, turn.now, news.agent, news.name, news.text, news.task))
@@ -412,13 +424,17 @@ def tell(memory: Memory, turn: Turn) -> Memory:
 def _shown(memory: Memory) -> Shown:
     """All that people may see between two events."""
     questions = tuple(Question(one.asker, one.until, one.replies) for one in memory.asked)
-    return Shown(memory.tasks, memory.told, wishes(memory.context), questions)
+    context = memory.context
+    can = wishes(context, tuple((memory.hands or {}).values()))
+    return Shown(memory.tasks, memory.told, can, questions, memory.hands)
 
 
 def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> TaskLine:
     """The task after a report, `text`: in words. One without words leaves the reason; steps end
     with their plan.
     """
+    if said.steps or said.state != TaskState.RUNNING:
+        line = replace(line, before=line.before + _done_steps(line))
     steps = said.steps or (line.steps if said.state == TaskState.RUNNING else ())
     if text or said.state in FINAL:
         line = replace(line, text=text, why=said.why)
@@ -430,6 +446,11 @@ def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> Ta
     return replace(line, evidence=said.evidence, accepted=accepted)
 
 
+def _done_steps(line: TaskLine) -> int:
+    """The steps that the plan of a task has done: one in the middle is not done."""
+    return line.number if line.number == len(line.steps) else max(line.number - 1, 0)
+
+
 def agent() -> Agent[Memory]:
     """Return the agent hi."""
     behaviours: dict[str, Any] = {"listen": listen, "interpret": interpret, "tell": tell}
@@ -439,7 +460,7 @@ def agent() -> Agent[Memory]:
 # --- Answers to questions of people, from what hi knows -------------------------------------------
 
 
-def _see(memory: Memory, language: str) -> str:
+def _see(memory: Memory, language: str, now: float) -> str:
     seen = memory.context.seen
     if seen is None:
         return say(language, "not_seen", in_words((commands.survey(),), language))
@@ -447,7 +468,7 @@ def _see(memory: Memory, language: str) -> str:
     return say(language, "seen", person((known,), language))
 
 
-def _why(memory: Memory, language: str) -> str:
+def _why(memory: Memory, language: str, now: float) -> str:
     """The task that is open and how it is, else the last one that was not done and the reason."""
     if memory.open_tasks:
         line = memory.open_tasks[0]
@@ -462,39 +483,35 @@ def _why(memory: Memory, language: str) -> str:
     return say(language, "failed", line.said, why or state(line.state, language))
 
 
-def _hands(memory: Memory, language: str) -> str:
-    """What the hands hold, as far as the ends of tasks told."""
-    held: dict[str, None] = {}  # in order
-    for line in sorted(memory.tasks, key=lambda line: line.since):
-        for one in line.evidence:
-            if one.claim is Claim.HELD:
-                held[one.of] = None
-            elif one.claim is Claim.STANDS:
-                held.pop(one.of, None)
-        for name in (thing for task, thing in memory.gives if task == line.task):
-            held.pop(name, None)
-    if not held:
-        return say(language, "hands_empty")
-    return say(language, "hands", ", ".join(object_text(one, Reader(language)) for one in held))
+def _hands(memory: Memory, language: str, now: float) -> str:
+    held = tuple(fact(Kind.HOLDS, side, name) for side, name in (memory.hands or {}).items())
+    return person(held, language) if held else say(language, "hands_empty")
 
 
-def _how_long(memory: Memory, language: str) -> str:
-    """How far the task that is open is."""
+def _how_long(memory: Memory, language: str, now: float) -> str:
     line = next(iter(memory.open_tasks), None)
-    if line is None:
-        return say(language, "nothing_open")
-    wish = str(getattr(line.wish, language)) if line.wish else line.said
-    if not line.number:
-        return say(language, "not_begun", wish, state(line.state, language))
-    return say(language, "how_far", wish, line.number, len(line.steps))
+    return _how_far(line, language, now) if line else say(language, "nothing_open")
 
 
-ANSWERS: dict[str, Callable[[Memory, str], str]] = {
+def _how_far(line: TaskLine, language: str, now: float) -> str:
+    """How far a task is, and how long it still takes, as far as that is known."""
+    wish = getattr(line.wish, language) if line.wish else line.said
+    if line.number:
+        steps = line.before + line.number, line.before + len(line.steps)
+        text = say(language, "how_far", wish, *steps)
+    else:
+        text = say(language, "not_begun", wish, state(line.state, language))
+    if line.until <= now:
+        return text
+    return f"{text} {say(language, 'left', span(line.until - now, language))}"
+
+
+ANSWERS: dict[str, Callable[[Memory, str, float], str]] = {
     "see": _see,
     "why": _why,
-    "help": lambda memory, language: say(language, "understood", abilities(language)),
-    "stopping": lambda memory, language: say(language, "stopping"),
-    "greet": lambda memory, language: say(language, "greet", abilities(language)),
+    "help": lambda memory, language, now: say(language, "understood", abilities(language)),
+    "stopping": lambda memory, language, now: say(language, "stopping"),
+    "greet": lambda memory, language, now: say(language, "greet", abilities(language)),
     "hands": _hands,
     "how_long": _how_long,
 }

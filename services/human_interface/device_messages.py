@@ -2,6 +2,7 @@
 
 import msgspec
 
+from companion.languages.values import Side
 from companion.run_files import HiEvent, Question, TaskLine, Wish
 
 # --- The meaning of a sentence --------------------------------------------------------------------
@@ -81,7 +82,7 @@ class Sentence(_Message, frozen=True, omit_defaults=True, tag="Said"):  # step l
 
     `urgency`, `within_s`, `later_s`: of the tasks that it becomes, 0 for none; `instead`: a task
     that they replace. `asker`: who said it, `at`: when [unix s]; `east_min`: how far the asker's
-    clock is ahead of UTC [min], if known.
+    clock is ahead of UTC [min], if known. `careful`: ask before what cannot be undone.
     """
 
     ticket: str
@@ -95,6 +96,7 @@ class Sentence(_Message, frozen=True, omit_defaults=True, tag="Said"):  # step l
     asker: str = ""
     at: float = 0.0
     east_min: int | None = None
+    careful: bool = False
 
 
 class CancelWanted(_Message, frozen=True, omit_defaults=True):
@@ -138,14 +140,15 @@ class NewEvent(_Message, frozen=True, tag="Told"):  # step logs have this word
 
 
 class Shown(_Message, frozen=True):
-    """All tasks as they are now, for /tasks, what could be said and is asked; `events`: how many
-    were told so far.
+    """All tasks as they are now, for /tasks, what could be said and is asked, and what the hands
+    hold; `events`: how many were told so far.
     """
 
     tasks: tuple[TaskLine, ...]
     events: int
     wishes: tuple[Wish, ...] = ()
     questions: tuple[Question, ...] = ()
+    hands: dict[Side, str] | None = None
 
 
 Local = Sentence | CancelWanted | Halted

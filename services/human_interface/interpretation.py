@@ -7,7 +7,7 @@ HTTP, how tasks are carried out.
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 
 import msgspec
 from msgspec.structs import replace
@@ -26,13 +26,15 @@ MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estima
 
 class Option(msgspec.Struct, frozen=True, omit_defaults=True):
     """An answer that was offered: the name of the thing it is about, and the tasks that it stands
-    for. `clauses`: the same as wishes; `instead`: the tasks of the sentence before are cancelled.
+    for. `clauses`: the same as wishes; `instead`: the tasks of the sentence before are cancelled;
+    `sure`: the question was whether to do what cannot be undone.
     """
 
     thing: str
     tasks: tuple[AnyCommand, ...]
     clauses: tuple[Clause, ...] = ()
     instead: bool = False
+    sure: bool = False
 
 
 class Context(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -49,11 +51,12 @@ class Context(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Act(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Ask co for these tasks, in this order. `clauses`, `instead`: as of an Option."""
+    """Ask co for these tasks, in this order. `clauses`, `instead`, `sure`: as of an Option."""
 
     tasks: tuple[AnyCommand, ...]
     clauses: tuple[Clause, ...] = ()
     instead: bool = False
+    sure: bool = False
 
 
 class Ask(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -164,7 +167,7 @@ def _yes(meaning: Meaning, context: Context) -> Outcome:
 
 
 def _chosen(option: Option) -> Act:
-    return Act(option.tasks, option.clauses, option.instead)
+    return Act(option.tasks, option.clauses, option.instead, option.sure)
 
 
 def _no(meaning: Meaning, context: Context) -> Outcome:
@@ -550,26 +553,35 @@ MOST_THINGS = 6
 """Things with sentences of their own; estimate: more buttons than 50 are not looked through."""
 
 
-def wishes(context: Context) -> tuple[Wish, ...]:
-    """Return the sentences, thing by thing, in the order in which the things were told."""
+def wishes(context: Context, held: Collection[str] = ()) -> tuple[Wish, ...]:
+    """The sentences that could be said now, without a thing, then thing by thing in the order in
+    which the things were told; `held`: the things in the hands.
+    """
     things = _offered_objects(context)[:MOST_THINGS]
     return tuple(
         Wish(
             does,
-            InWords(noun(name, "en"), noun(name, "pl")),
+            InWords(noun(name, "en"), noun(name, "pl")) if name else InWords("", ""),
             InWords(in_words((task,)), in_words((task,), "pl")),
         )
-        for name in things
-        for does, task in _offered(name, things)
+        for name in ("", *things)
+        for does, task in _offered(name, things, held)
     )
 
 
-def _offered(name: str, things: tuple[str, ...]) -> Iterator[tuple[str, AnyCommand]]:
-    """Yield what can be done with a thing, and others beside it: the name of the wish, and the
-    task.
+def _offered(
+    name: str, things: tuple[str, ...], held: Collection[str]
+) -> Iterator[tuple[str, AnyCommand]]:
+    """Yield what can be done with a thing, and others beside it, or without one: the name of the
+    wish, and the task.
     """
+    in_hand = {*held, *map(kind_of, held)} if name else held
     for does, wish in TASKS.items():
-        if wish.offer is Offer.THINGS:
+        if wish.held is not None and wish.held is not (name in in_hand if name else bool(held)):
+            continue
+        if wish.offer is Offer.ALONE and not name:
+            yield does, MAKE[does]((), "")
+        if wish.offer is Offer.THINGS and name:
             beside = [one for one in things if one != name]
             others = itertools.permutations(beside, len(wish.uses) - 1)
             for names in ((name, *rest) for rest in others):

@@ -11,6 +11,7 @@ import msgspec
 from msgspec.structs import replace
 
 from companion.languages.cmd import TaskReport, TaskState
+from companion.languages.values import Side
 from companion.run_files import TaskLine
 from services.human_interface.device_messages import Local, Sentence
 from services.human_interface.interpretation import Context, Option
@@ -66,6 +67,40 @@ class Heard(msgspec.Struct, frozen=True, omit_defaults=True):
     line: TaskLine
 
 
+AS_PLANNED_S = 60.0  # weight of the plans' own times beside what was measured (estimate)
+FADES_S = 300.0  # planned time after which a measurement counts half (estimate)
+SLOWEST = 4.0
+"""Times its planned time; what takes longer waited for something (estimate)."""
+
+
+class Pace(msgspec.Struct, frozen=True, omit_defaults=True):
+    """How long acts take against their plans: planned and real time [s], older ones faded. On a
+    machine with much other work it is far from 1.
+    """
+
+    planned: float = 0.0
+    took: float = 0.0
+
+    @property
+    def factor(self) -> float:
+        """Real seconds of a planned one."""
+        return (AS_PLANNED_S + self.took) / (AS_PLANNED_S + self.planned)
+
+    def after(self, planned: float, took: float) -> "Pace":
+        """The pace with one more measurement [s]."""
+        kept = FADES_S / (FADES_S + planned)
+        took = min(took, SLOWEST * planned)
+        return Pace(kept * self.planned + planned, kept * self.took + took)
+
+
+class Rest(msgspec.Struct, frozen=True, array_like=True):
+    """The rest of a task as planned [s], and when it was told first [unix s]."""
+
+    task: str
+    rest: float
+    at: float
+
+
 class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     """`words`: not interpreted yet; `news`: not told yet; `told`: number of events; `away`: people
     know it.
@@ -73,7 +108,9 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     `context`: things and the look around that were mentioned; `asked`: open questions; `heard`:
     sentences of the last seconds; `looks`: tasks that look around; `gives`: pairs of a task and a
     thing that a person has once it is done; `follows`: pairs of a task and the one said before it,
-    which it needs; `latest`: the tasks of the last sentence that asked for some.
+    which it needs; `latest`: the tasks of the last sentence that asked for some; `rests`: of the
+    tasks under way; `hands`: what each hand holds, as told
+    last; None: nothing was.
     """
 
     tasks: tuple[TaskLine, ...] = ()
@@ -88,6 +125,9 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
     gives: tuple[tuple[str, str], ...] = ()
     follows: tuple[tuple[str, str], ...] = ()
     latest: tuple[str, ...] = ()
+    pace: Pace = Pace()
+    rests: tuple[Rest, ...] = ()
+    hands: dict[Side, str] | None = None
 
     def task(self, name: str) -> TaskLine | None:
         """Return the task of this name."""
@@ -107,6 +147,24 @@ class Memory(msgspec.Struct, frozen=True, omit_defaults=True):
         ended = [one.task for one in tasks if one.state in FINAL]
         forgotten = set(ended[: max(surplus, 0)])
         return replace(self, tasks=tuple(one for one in tasks if one.task not in forgotten))
+
+    def timed(self, line: TaskLine, report: TaskReport, now: float) -> "Memory":
+        """The memory with a task and its expected end after a report; the report tells the pace,
+        too.
+
+        What waits for an operator takes as long as that.
+        """
+        known = next((one for one in self.rests if one.task == line.task), None)
+        others = tuple(one for one in self.rests if one.task != line.task)
+        over = report.state in FINAL or report.state is TaskState.SUSPENDED or report.asks
+        if not over and (not report.rest or (known and known.rest == report.rest)):
+            return self.with_task(line)
+        pace = self.pace
+        if known and (report.rest or report.state is TaskState.DONE) and known.rest > report.rest:
+            pace = pace.after(known.rest - report.rest, now - known.at)
+        until = 0.0 if over else now + report.rest * pace.factor
+        rests = others if over else (*others, Rest(line.task, report.rest, now))
+        return replace(self, pace=pace, rests=rests).with_task(replace(line, until=until))
 
     def with_context(self, **fields: Any) -> "Memory":
         """Return the memory with some of what was talked of replaced."""

@@ -91,9 +91,14 @@ class Board:
                 # nobody hears of it before the tasks as it left them: who is woken asks for these
                 # next
                 return
-            case Shown(tasks=tasks, events=events, wishes=wishes, questions=questions):
-                self.tasks = Tasks(tasks, wishes=wishes, questions=questions)
-                self._told = max(self._told, events)
+            case Shown() as shown:
+                self.tasks = Tasks(
+                    shown.tasks,
+                    wishes=shown.wishes,
+                    questions=shown.questions,
+                    hands=shown.hands,
+                )
+                self._told = max(self._told, shown.events)
         self._wake()
 
     def close(self) -> None:

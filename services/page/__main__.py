@@ -138,7 +138,11 @@ async def _serve(options: Options, listening: socket.socket, address: PageAddres
             loop.call_soon_threadsafe(call)
 
     def told(tasks: Tasks | None, news: tuple[HiEvent, ...]) -> None:
-        found = {"tasks": tasks.tasks, "wishes": tasks.wishes, "news": news} if tasks else {}
+        found = (
+            {"tasks": tasks.tasks, "wishes": tasks.wishes, "hands": tasks.hands, "news": news}
+            if tasks
+            else {}
+        )
         soon(partial(page.hear, hi=tasks is not None, **found))
 
     following = Following(hi, told)

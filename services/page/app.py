@@ -9,6 +9,7 @@ that waits. Must not know: Zenoh, threads of others.
 import asyncio
 import html
 import json
+import os
 import re
 import shutil
 import time
@@ -170,6 +171,9 @@ HI_AT_ONCE = 6
 hangs.
 """
 MOST_URGENT = 9
+CONTACT = "ROCO_CONTACT"
+"""The environment variable with whom to call: a name and a number."""
+LONGEST_CONTACT = 80  # characters; estimate: two lines on a telephone
 STATIC = {
     "page.css": "text/css",
     "page.js": "text/javascript",
@@ -276,7 +280,13 @@ class Page:
         text = fields.get("text", "").strip()
         if stop_words(text, await self._answers(text, fields[BROWSER])):
             return await self._stop_in_words(text, language)
-        said = Say(text, int("first" in fields), asker=fields[BROWSER], east_min=_east_min(fields))
+        said = Say(
+            text,
+            int("first" in fields),
+            asker=fields[BROWSER],
+            east_min=_east_min(fields),
+            careful="careful" in fields,
+        )
         return await self._ask(partial(self._hi.send, said), language)
 
     async def _answers(self, text: str, browser: str) -> tuple[str, ...]:
@@ -388,14 +398,9 @@ def _document(name: str, language: str) -> str:
         resources.files(__package__).joinpath("static", f"{name}.html").read_text(encoding="utf-8")
     )
     told = json.dumps({**words, "voice": available()}).replace("<", "\\u003c")
-    says = (
-        (html.escape(one), html.escape(one[:1].upper() + one[1:]))
-        for one in commands.buttons(language)
-    )
-    buttons = "\n".join(
-        f'<button type="button" data-say="{one}">{label}</button>' for one, label in says
-    )
-    return text.substitute(words, words=told, buttons=buttons)
+    call = os.environ.get(CONTACT, "").strip()[:LONGEST_CONTACT]
+    contact = html.escape(say(language, "call", call)) if call else ""
+    return text.substitute(words, words=told, contact=contact)
 
 
 def _language(request: Request) -> str:

@@ -9,6 +9,7 @@ import msgspec
 from companion.languages.cmd import TaskState
 from companion.languages.evidence import unchecked
 from companion.languages.facts import Kind, fact
+from companion.languages.values import Side
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
 from companion.sentences import Reader, catalogue, failure, person, place, please, state, step
 
@@ -39,14 +40,17 @@ def preferred(accepted: str) -> str:
 
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
-MOST_ENDED = 5
+MOST_ENDED = 30
+"""Tasks of the history (estimate: those of a day)."""
+SO_ALREADY = "so-already"
+"""The row of [state] for a task that had nothing to do."""
 PICTURES = PICTURE, ROOM = "picture", "room"
 """Names of the pictures: by the head camera, and of the robot in its room."""
 
 
 class Heard(msgspec.Struct, frozen=True):
     """Knowledge of the page. `hi`: whether hi answers; `mode`: of the control loop, "" where nobody
-    told.
+    told; `hands`: what each hand holds, None where nobody told.
     """
 
     hi: bool = False
@@ -55,12 +59,16 @@ class Heard(msgspec.Struct, frozen=True):
     tasks: tuple[TaskLine, ...] = ()
     wishes: tuple[Wish, ...] = ()
     news: tuple[HiEvent, ...] = ()
+    hands: dict[Side, str] | None = None
 
 
 class TaskView(msgspec.Struct, frozen=True):
     """A task. `why`: the reason of its state. `asks`: the state of its plan that waits for a
-    person, `asks_says` in words. `deadline` [unix s]: shown by a browser by its own clock.
-    `unchecked`: what nobody has checked of a task that was done.
+    person, `asks_says` in words. `unchecked`: what nobody has checked of a task that was done.
+    `again`: the sentence that asks for the same.
+
+    Shown by a browser by its own clock [unix s], 0 for none: `deadline`; `start`, before which it
+    does not begin; `until`, when it is expected to be done; `since`, when it got its state.
     """
 
     task: str
@@ -73,6 +81,10 @@ class TaskView(msgspec.Struct, frozen=True):
     asks_says: str = ""
     deadline: float = 0.0
     unchecked: str = ""
+    start: float = 0.0
+    until: float = 0.0
+    since: float = 0.0
+    again: str = ""
 
 
 class ThingView(msgspec.Struct, frozen=True):
@@ -83,15 +95,16 @@ class ThingView(msgspec.Struct, frozen=True):
 
 
 class Announcement(msgspec.Struct, frozen=True):
-    """The last thing that is said aloud; `n`: its number."""
+    """The last thing that is said aloud; `n`: its number; `over`: it is that a task ended."""
 
     n: int = 0
     text: str = ""
+    over: bool = False
 
 
 class View(msgspec.Struct, frozen=True):
     """All that a browser shows but the picture. `please`: what the person is asked to do, which is
-    also spoken.
+    also spoken; `hands`: what they hold; `alone`: sentences that are about no thing.
     """
 
     hi: bool
@@ -101,8 +114,10 @@ class View(msgspec.Struct, frozen=True):
     active: TaskView | None
     step: str
     next: str
+    hands: str
     queue: tuple[TaskView, ...]
     ended: tuple[TaskView, ...]
+    alone: tuple[str, ...]
     things: tuple[ThingView, ...]
     told: Announcement
 
@@ -121,8 +136,10 @@ def view(heard: Heard, language: str) -> View:
         active=_task(active, language) if active else None,
         step=now,
         next=then,
+        hands=_hands(heard, language),
         queue=tuple(_task(line, language) for line in waiting),
         ended=tuple(_task(line, language) for line in ended[: -MOST_ENDED - 1 : -1]),
+        alone=tuple(in_language(one.says, language) for one in heard.wishes if not one.thing.en),
         things=_object_views(heard.wishes, language),
         told=_announcement(heard, language),
     )
@@ -147,6 +164,13 @@ def _now(heard: Heard, active: TaskLine | None, language: str) -> str:
     return _upper(_says(active, language)) + "." if active else say(language, "idle")
 
 
+def _hands(heard: Heard, language: str) -> str:
+    if heard.hands is None:
+        return ""
+    held = [fact(Kind.HOLDS, side, name) for side, name in heard.hands.items()]
+    return person(held or (fact(Kind.HANDS_EMPTY),), language)
+
+
 def _please(heard: Heard, active: TaskLine | None, language: str) -> str:
     """What the person is asked to do now."""
     if heard.held or not heard.hi or active is None or active.at is None or active.asks:
@@ -162,7 +186,8 @@ def _steps(line: TaskLine, language: str) -> tuple[str, str]:
     if not 0 < line.number <= len(line.steps):
         return step(at, Reader(language)), ""
     after = line.steps[line.number : line.number + 1]
-    now = say(language, "step", line.number, len(line.steps), step(at, Reader(language)))
+    numbers = line.before + line.number, line.before + len(line.steps)
+    now = say(language, "step", *numbers, step(at, Reader(language)))
     return now, say(language, "next", step(after[0], Reader(language))) if after else say(
         language, "last_step"
     )
@@ -173,14 +198,23 @@ def _task(line: TaskLine, language: str) -> TaskView:
         line.task,
         _says(line, language),
         line.state,
-        state(line.state, language),
+        state(SO_ALREADY if was_so(line) else line.state, language),
         say(language, "urgent") if line.urgency else "",
         "" if line.asks else _why(line, language),
         line.asks,
         _asks(line, language),
         line.deadline,
         _unchecked(line, language),
+        line.start,
+        line.until,
+        line.since,
+        in_language(line.wish, language) if line.wish else "",
     )
+
+
+def was_so(line: TaskLine) -> bool:
+    """Whether a task is done since there was nothing to do."""
+    return line.state == TaskState.DONE and any(one.kind is Kind.SO_ALREADY for one in line.why)
 
 
 def _why(line: TaskLine, language: str) -> str:
@@ -214,6 +248,8 @@ def in_language(words: InWords, language: str) -> str:
 def _object_views(wishes: tuple[Wish, ...], language: str) -> tuple[ThingView, ...]:
     found: dict[str, list[str]] = {}
     for one in wishes:
+        if not one.thing.en:
+            continue
         found.setdefault(in_language(one.thing, language), []).append(
             in_language(one.says, language)
         )
@@ -225,6 +261,7 @@ def _announcement(heard: Heard, language: str) -> Announcement:
     plan.
     """
     says = {line.task: _says(line, language) for line in heard.tasks}
+    so = {line.task for line in heard.tasks if was_so(line)}
     before: dict[str, str] = {}
     told = Announcement()
     for event in heard.news:
@@ -232,7 +269,9 @@ def _announcement(heard: Heard, language: str) -> Announcement:
         repeated = bool(event.task) and last in (None, event.name)
         before[event.task] = event.name
         if row in WORDS[language] and not repeated:
-            told = Announcement(event.n, say(language, row, says.get(event.task, event.task)))
+            row = "told_so" if event.name == TaskState.DONE and event.task in so else row
+            text = say(language, row, says.get(event.task, event.task))
+            told = Announcement(event.n, text, event.name in ENDED)
     return told
 
 

@@ -210,8 +210,9 @@ def _report(memory: Memory, turn: Turn, why: Facts) -> Memory:
     turn.unwake(BARRIER)
     if turn.holds(memory.conversation):
         told = facts.fitting(facts.different(why), REASON_BYTES)
-        known = evidence.fitting(memory.evidence, REASON_BYTES - len(msgspec.msgpack.encode(told)))
-        report = sw.Report(memory.end, why=told, evidence=known)
+        room = REASON_BYTES - len(msgspec.msgpack.encode(told))
+        known = evidence.fitting(memory.evidence, room)
+        report = sw.Report(memory.end, why=told, evidence=known, hands=memory.hands)
         turn.say(memory.conversation, Performative.INFORM, report)
     return replace(memory, reported=True)
 

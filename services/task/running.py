@@ -297,7 +297,8 @@ def tell(memory: Memory, turn: Turn, state: sw.WorkerState, why: Facts = ()) -> 
     """Report the position in the plan to co."""
     if not turn.holds(memory.conversation) or memory.plan is None:
         return
-    turn.say(memory.conversation, Performative.INFORM, sw.Report(state, place(memory), why))
+    report = sw.Report(state, place(memory), why, hands=memory.hands)
+    turn.say(memory.conversation, Performative.INFORM, report)
 
 
 # --- orders of the operator: which acts wait for one, what an order says (companion.autonomy) -----

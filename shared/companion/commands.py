@@ -39,7 +39,8 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     patterns with something that cannot be done so, by the sentence of [say] that says what; it is
     asked whether to do it nevertheless. `can`: its entry in the list of what is understood. `undo`:
     the wish that undoes this one with the first of its things. `first`: it is tried before those of
-    the tasks.
+    the tasks. `held`: it is offered only while the first of its things, or any without one, is in a
+    hand, or is not; None: always.
     """
 
     does: str
@@ -53,6 +54,7 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unsure: dict[str, dict[str, tuple[str, ...]]] = {}
     undo: str = ""
     first: bool = False
+    held: bool | None = None
 
     def texts(self, language: str, how: str) -> tuple[str, ...]:
         """The patterns of a language: as the wish is said (""), with something left out ("lacks"),
@@ -132,13 +134,6 @@ def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
             )
         found |= more
     return found
-
-
-def buttons(language: str) -> tuple[str, ...]:
-    """The sentences that need no thing, as they are offered at any time."""
-    offered = ((row, wish) for row, wish in wishes() if wish.offer is Offer.ALONE)
-    alone = ((row, row.make[wish.does]((), "")) for row, wish in offered)
-    return tuple(row.phrases.say[language][command.says] for row, command in alone)
 
 
 def example(language: str) -> str:

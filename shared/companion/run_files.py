@@ -12,6 +12,7 @@ import msgspec
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
 from companion.languages.hfsm import Place, Step
+from companion.languages.values import Side
 
 HI_FILE = "hi.json"
 PAGE_FILE = "page.json"
@@ -65,7 +66,7 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     `instead`: a task that is cancelled as soon as the new one is asked for, such as the same one
     with less urgency. `asker`: the browser or terminal that says it; only the one that hi asked can
     answer its question. `east_min`: how far its clock is ahead of UTC [min]; None: as far as hi's.
-    Of hours named in the sentence.
+    Of hours named in the sentence. `careful`: ask before what cannot be undone.
     """
 
     text: str
@@ -75,6 +76,7 @@ class Say(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     instead: str = ""
     asker: Annotated[str, msgspec.Meta(max_length=64)] = ""
     east_min: Annotated[int, msgspec.Meta(ge=-MOST_EAST_MIN, le=MOST_EAST_MIN)] | None = None
+    careful: bool = False
 
 
 class Cancel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -99,8 +101,9 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `then`: the tasks that follow, where a sentence has several wishes. `accepted`: the coordinator
     took it. `wish`: a sentence from which this task alone is understood. `replies`: sentences that
-    answer a question. `steps`: what its plan does, one after the other. `urgency`, `deadline` [unix
-    s]: as it was said.
+    answer a question. `steps`: what its plan does, one after the other; `before`: steps that its
+    earlier plans did. `urgency`, `deadline`, `start` [unix s]: as it was said. `until`: when it is
+    expected to be done [unix s], 0 where that is not known.
 
     `why`: reason of its state; `at`: where its plan is, or waits; `number`: of the step there, the
     first is 1, 0 for none of the steps. `asks`: the id of that place, if it waits for an operator.
@@ -118,8 +121,11 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     wish: InWords | None = None
     replies: tuple[str, ...] = ()
     steps: tuple[Step, ...] = ()
+    before: int = 0
     urgency: int = 0
     deadline: float = 0.0
+    start: float = 0.0
+    until: float = 0.0
     why: Facts = ()
     at: Place | None = None
     number: int = 0
@@ -129,7 +135,7 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
 
 class Wish(msgspec.Struct, frozen=True):
     """A sentence that could be said now: what it does (a row of hi's catalogue), and with which
-    thing.
+    thing, "" for none.
     """
 
     does: str
@@ -152,13 +158,14 @@ class Tasks(msgspec.Struct, frozen=True, omit_defaults=True):
     set.
 
     `wishes`: what could be done with the things that were seen, or talked of. `questions`: hi's
-    open questions.
+    open questions. `hands`: what each hand holds, None before hi was told.
     """
 
     tasks: tuple[TaskLine, ...]
     held: bool = False
     wishes: tuple[Wish, ...] = ()
     questions: tuple[Question, ...] = ()
+    hands: dict[Side, str] | None = None
 
     def answers(self, asker: str, now: float) -> tuple[str, ...]:
         """The sentences that answer what was asked of somebody; none where nothing was, or it is

@@ -4,6 +4,8 @@ const byId = (id) => document.getElementById(id);
 const words = JSON.parse(byId("words").textContent);
 const LOST_MS = 9000; // three beats of the stream (services/page/app.py)
 const AGAIN_MS = 1500;
+const ANSWER_MS = 60000; // an answer is shown so long (estimate); later it may not be true any more
+const NEWEST = 5; // ended tasks that are always shown (estimate); the others are behind "Earlier today"
 const ASKED_MS = 30000; // a question is open so long (services/human_interface/memory.py); later, its No would stop the robot
 const fill = (text, part) => text.replace("{}", part);
 const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
@@ -66,9 +68,13 @@ function show(view) {
   set("step", view.step);
   set("next", view.next);
   set("why", view.active ? view.active.why : "");
+  set("hands", view.hands);
   part("now-acts", view.active, before.active, () => (view.active ? [...goOn(view.active), cancelButton(view.active)] : []));
   part("queue", view.queue, before.queue, () => view.queue.map(waiting));
-  part("ended", view.ended, before.ended, () => view.ended.map(ended));
+  part("ended", view.ended, before.ended, () => view.ended.slice(0, NEWEST).map(ended));
+  part("earlier-list", view.ended, before.ended, () => view.ended.slice(NEWEST).map(ended));
+  byId("earlier").hidden = view.ended.length <= NEWEST;
+  part("alone", view.alone, before.alone, () => view.alone.map(sayButton));
   part("things", view.things, before.things, () => view.things.map(thing));
   byId("queue-empty").hidden = view.queue.length > 0;
   byId("nothing-seen").hidden = view.things.length > 0;
@@ -76,8 +82,12 @@ function show(view) {
   document.body.classList.toggle("is-held", view.held);
   document.body.classList.toggle("is-active", Boolean(view.active) && !view.held);
   document.body.classList.toggle("is-away", !view.hi);
-  if (before.told && view.told.n > before.told.n) speak(view.told.text);
-  if (before.active && !view.active) set("answer", view.told.text);
+  if (before.told && view.told.n > before.told.n) {
+    speak(view.told.text);
+    if (view.told.over) notify(view.told.text);
+  }
+  if (before.active && !view.active) answer(view.told.text);
+  times();
   if (view.please && view.please !== before.please) speak(view.please);
   if (before.told) describe();
 }
@@ -90,6 +100,43 @@ function part(id, now, before, make) {
   place.replaceChildren(...make());
   if (on) (place.querySelector(`[data-key="${CSS.escape(on)}"]`) || byId("text")).focus();
 }
+
+// --- times, which go on while nothing is told ------------------------------------------------------------------------------
+
+const clock = (unix) => new Date(1000 * unix).toLocaleTimeString(words.language, { hour: "2-digit", minute: "2-digit" });
+
+// A time until then: to ten seconds, from two minutes on to a minute.
+function span(unix) {
+  const seconds = Math.max(10, 10 * Math.round((unix - Date.now() / 1000) / 10));
+  return seconds < 120 ? [seconds, "second"] : [Math.round(seconds / 60), "minute"];
+}
+
+function lasting(unix) {
+  const [value, unit] = span(unix);
+  return new Intl.NumberFormat(words.language, { style: "unit", unit, unitDisplay: "long" }).format(value);
+}
+
+function inTime(unix) {
+  const [value, unit] = span(unix);
+  const text = new Intl.RelativeTimeFormat(words.language).format(value, unit);
+  return `${text} (${clock(unix)})`;
+}
+
+const ahead = (unix) => unix > Date.now() / 1000;
+
+function times() {
+  const active = shown.active;
+  const left = active && ahead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
+  set("left", left);
+  const step = active && shown.step && !shown.held ? shown.step : "";
+  set("bar", [shown.now, step, left].filter(Boolean).join(" "));
+  for (const place of document.querySelectorAll("[data-begins]")) {
+    const begins = Number(place.dataset.begins);
+    place.textContent = ahead(begins) ? fill(words.begins, inTime(begins)) : "";
+  }
+}
+
+setInterval(() => { if (!document.hidden && shown.now) times(); }, 5000);
 
 function element(name, text, properties = {}) {
   const made = Object.assign(document.createElement(name), properties);
@@ -117,9 +164,16 @@ const cancelButton = (task) =>
 
 function waiting(task, place) {
   const item = element("li");
-  const until = task.deadline && fill(words.deadline, new Date(1000 * task.deadline).toTimeString().slice(0, 5));
+  const until = task.deadline && fill(words.deadline, clock(task.deadline));
   const notes = [task.word, task.note, until].filter(Boolean).join(", ");
   item.append(element("span", upper(task.says), { className: "says" }), element("span", notes, { className: "hint" }));
+  const begins = task.start || (place === 0 && shown.active ? shown.active.until : 0);
+  if (begins) {
+    const when = element("span", "", { className: "hint" });
+    when.dataset.begins = begins;
+    item.append(when);
+  }
+  if (task.why) item.append(element("span", task.why, { className: "hint" }));
   const acts = element("span", "", { className: "acts" });
   if (place > 0 || shown.active)
     acts.append(button(words.do_first, "first " + task.task, fill(words.do_first_of, task.says), () => send("/first", { task: task.task })));
@@ -130,11 +184,19 @@ function waiting(task, place) {
 
 function ended(task) {
   const item = element("li", "", { className: task.state });
-  item.append(element("span", upper(task.says), { className: "says" }), element("span", task.word, { className: "word" }));
+  const at = element("span", clock(task.since), { className: "hint" });
+  item.append(element("span", upper(task.says), { className: "says" }), element("span", task.word, { className: "word" }), at);
   if (task.why) item.append(element("span", task.why, { className: "why" }));
   if (task.unchecked) item.append(element("span", task.unchecked, { className: "why" }));
+  if (task.again) {
+    const acts = element("span", "", { className: "acts" });
+    acts.append(button(words.again, "again " + task.task, fill(words.again_of, task.says), () => say(task.again)));
+    item.append(acts);
+  }
   return item;
 }
+
+const sayButton = (says) => button(upper(says), "say " + says, "", () => say(says));
 
 function thing(one) {
   const group = element("div", "", { className: "thing" });
@@ -142,7 +204,7 @@ function thing(one) {
   group.setAttribute("aria-label", one.thing);
   group.append(element("h3", upper(one.thing)));
   const acts = element("p", "", { className: "acts" });
-  acts.append(...one.says.map((says) => button(upper(says), "say " + says, "", () => send("/say", { text: says, ...order() }))));
+  acts.append(...one.says.map(sayButton));
   group.append(acts);
   return group;
 }
@@ -162,7 +224,11 @@ function describe() {
 
 // --- what a person does --------------------------------------------------------------------------------------------------
 
-const order = () => (byId("first").checked ? { first: "1" } : {});
+const order = () => ({ ...(byId("first").checked ? { first: "1" } : {}), ...(byId("careful").checked ? { careful: "1" } : {}) });
+const say = (text) => send("/say", { text, ...order() });
+
+byId("careful").checked = localStorage.getItem("careful") === "1";
+byId("careful").addEventListener("change", (event) => localStorage.setItem("careful", event.target.checked ? "1" : "0"));
 
 async function send(path, fields = {}) {
   let reply;
@@ -178,11 +244,18 @@ async function send(path, fields = {}) {
 }
 
 let asked = 0;
+let told = 0;
+
+function answer(text) {
+  clearTimeout(told);
+  set("answer", text);
+  told = setTimeout(() => { set("answer", ""); byId("answer").classList.remove("alarm"); }, ANSWER_MS);
+}
 
 function answered(reply) {
   clearTimeout(asked);
   const text = reply.error ? fill(words.failed, reply.error) : reply.state === "question" ? fill(words.asks, reply.text) : reply.text;
-  set("answer", text);
+  answer(text);
   byId("answer").classList.toggle("alarm", Boolean(reply.error));
   byId("replies").replaceChildren(...(reply.replies || []).map((says) => button(upper(says), "say " + says, "", () => send("/say", { text: says }))));
   if (reply.replies && reply.replies.length) {
@@ -196,12 +269,11 @@ byId("say-form").addEventListener("submit", async (event) => {
   event.preventDefault();
   const text = byId("text").value.trim();
   if (!text) return;
-  const sent = await send("/say", { text, ...order() });
+  const sent = await say(text);
   if (!sent || byId("text").value.trim() !== text) return; // the next sentence may be there by now
   byId("text").value = "";
   byId("first").checked = false;
 });
-for (const one of byId("always").children) one.addEventListener("click", () => send("/say", { text: one.dataset.say, ...order() }));
 byId("release-form").addEventListener("submit", (event) => {
   event.preventDefault();
   send("/release").then(() => byId("stop").focus());
@@ -249,6 +321,37 @@ byId("voice").addEventListener("click", () => {
 });
 if ("speechSynthesis" in window) speechSynthesis.addEventListener("voiceschanged", voices);
 voices();
+
+// --- a notification and a sound when a task has ended -----------------------------------------------------------------------
+
+let telling = false;
+let sound = null;
+
+function notify(text) {
+  if (!telling) return;
+  chime();
+  if ("Notification" in window && Notification.permission === "granted" && document.hidden) new Notification(words.title, { body: text, icon: "/static/icon.svg" });
+}
+
+// Two notes, the second one higher.
+function chime() {
+  sound = sound || new AudioContext();
+  for (const [at, hertz] of [[0, 660], [0.18, 880]]) {
+    const note = new OscillatorNode(sound, { frequency: hertz });
+    const gain = new GainNode(sound, { gain: 0.2 });
+    note.connect(gain).connect(sound.destination);
+    note.start(sound.currentTime + at);
+    note.stop(sound.currentTime + at + 0.16);
+  }
+}
+
+byId("notify").addEventListener("click", () => {
+  telling = !telling;
+  byId("notify").setAttribute("aria-pressed", String(telling));
+  if (!telling) return;
+  chime();
+  if ("Notification" in window && Notification.permission === "default") Notification.requestPermission().catch(() => {});
+});
 
 // Only where the browser can hear; what it heard is shown, and nothing moves before it is sent by hand.
 const Recognition = window.SpeechRecognition || window.webkitSpeechRecognition;

@@ -14,6 +14,7 @@ from companion.languages import hfsm
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
 from companion.languages.hfsm import Place, Step
+from companion.languages.values import Side
 
 
 class Command(
@@ -30,11 +31,12 @@ class Command(
     `urgency`: more urgent ones come first; `deadline`, `start`: until when it is to be done, and
     when it may begin, unix time [s], 0 for none. `after`: the task said before it in the same
     sentence. `surveys`: it is about no thing, and its end tells what was seen. `gives`: once it is
-    done, a person has its things.
+    done, a person has its things. `final`: nothing undoes it.
     """
 
     surveys: ClassVar[bool] = False
     gives: ClassVar[bool] = False
+    final: ClassVar[bool] = False
 
     urgency: int = 0
     deadline: float = 0.0
@@ -90,7 +92,9 @@ class TaskReport(
     `evidence`: at the end, what is true now and which senses told.
 
     `at`: where in the plan it is, or, where it `asks`, what waits for an operator. `number`: of the
-    step there, the first is 1; 0 where it is none of the steps.
+    step there, the first is 1; 0 where it is none of the steps. `rest`: until the task is done, as
+    planned [s], 0 where it is not known. `hands`: what each hand holds; None: nothing is told of
+    them.
     """
 
     state: TaskState
@@ -100,3 +104,5 @@ class TaskReport(
     number: int = 0
     asks: bool = False
     evidence: tuple[Evidence, ...] = ()
+    rest: float = 0.0
+    hands: dict[Side, str] | None = None

@@ -11,6 +11,7 @@ import msgspec
 from companion.languages.evidence import Evidence
 from companion.languages.facts import Facts
 from companion.languages.hfsm import Place
+from companion.languages.values import Side
 
 
 class WorkerState(StrEnum):
@@ -34,13 +35,15 @@ FINAL = frozenset(
 
 class Report(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True, omit_defaults=True):
     """ta's state, and why. `at`: where in the plan it is, while Waiting what comes next.
-    `evidence`: at the end of a plan, what its acts made true, and which senses told.
+    `evidence`: at the end of a plan, what its acts made true, and which senses told. `hands`: what
+    each hand holds by the last outcome; None: nothing is told of them.
     """
 
     state: WorkerState
     at: Place | None = None
     why: Facts = ()
     evidence: tuple[Evidence, ...] = ()
+    hands: dict[Side, str] | None = None
 
 
 Content = Report

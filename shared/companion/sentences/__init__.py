@@ -79,7 +79,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 _ID = re.compile(r"\b([a-z]+)_(\d+)\b")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
-_GAP = re.compile(r" +(?=[;,:)]|$)")
+_GAP = re.compile(r" +(?=[;,:.)]|$)")
 """Where a part is empty."""
 
 
@@ -196,6 +196,7 @@ def object_text(name: str, reader: Reader) -> str:
 def _sentences(facts: Iterable[Fact], reader: Reader) -> Iterator[str]:
     for one in facts:
         sentence = catalogue(reader).fact[one.kind].format(**_parts(one, reader))
+        sentence = _GAP.sub("", sentence)
         if sentence:
             yield sentence[:1].upper() + sentence[1:]
         yield from _sentences(one.because, reader)
@@ -278,6 +279,11 @@ def _number(value: float, unit: str, reader: Reader) -> str:
     names = getattr(row, _plural(text, reader)) or row.other
     text = text.replace(".", ",") if reader is Reader.POLISH else text
     return _forms(tuple(f"{text} {name}" for name in names))
+
+
+def span(seconds: float, language: str) -> str:
+    """A length of time [s] as a person says it: to ten seconds, from two minutes on to a minute."""
+    return _number(max(10.0, 10.0 * round(seconds / 10.0)), "s", Reader(language))
 
 
 def _plural(text: str, reader: Reader) -> str:

@@ -8,6 +8,8 @@ from companion.languages.cmd import Command
 class PourInto(Command, frozen=True):
     """Pour the content of one object into another."""
 
+    final = True
+
     source: str
     destination: str
 
