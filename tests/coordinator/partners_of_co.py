@@ -179,6 +179,15 @@ def a_plan(duration=100.0, suspend=0.0, resume=0.0):
     return hfsm.HierarchicalPlan("p", "pour", main, duration, 1, schedule)
 
 
+def a_plan_of(steps):
+    """A plan with steps of these names; the value is the planned time from there to the end [s]."""
+    schedule = tuple(hfsm.ScheduleParameters(name, rest) for name, rest in steps.items())
+    end = (hfsm.EndState("end", hfsm.Outcome.SUCCEEDED),)
+    states = (hfsm.Machine(name, "end", end, step=hfsm.Step(name)) for name in steps)
+    root = hfsm.Machine("main", next(iter(steps)), tuple(states))
+    return replace(a_plan(), root=root, schedule=schedule)
+
+
 def no_plan(*why):
     """Return a NoPlan with its reasons."""
     return hfsm.NoPlan("p", why or (UNREACHED,))

@@ -9,6 +9,7 @@ from partners_of_co import (
     UNREACHED,
     Scene,
     a_plan,
+    a_plan_of,
     no_plan,
     refuse_plans,
 )
@@ -60,6 +61,21 @@ def test_a_command_is_agreed_planned_run_and_done(scene):
     places = [content.at and content.at.path for _, content in scene.heard("hi", name)]
     assert places == [None, None, None, ("end",), ("main", "take"), None]
     assert scene.at_rest()
+
+
+def test_hi_is_told_the_planned_rest_and_what_the_hands_hold(scene):
+    """Of the step that is under way, and of the whole plan before; hands as ta told last."""
+    name = scene.command()
+    steps = {"take": 60.0, "carry": 25.0}
+    scene.pl(P.INFORM, a_plan_of(steps))
+    hands = ({}, {Side.LEFT: "jar_1"}, {})
+    for step, held in zip(steps, hands, strict=False):
+        scene.ta(WorkerState.RUNNING, at=hfsm.Place((step,)), hands=held)
+    scene.ta(WorkerState.SUCCEEDED, hands=hands[-1])
+    told = [(content.rest, content.hands) for _, content in scene.heard("hi", name)]
+    assert told[2:] == [
+        (60.0, None), (0.0, None), (60.0, {}), (25.0, {Side.LEFT: "jar_1"}), (0.0, {}),
+    ]  # fmt: skip
 
 
 TASKS = {

@@ -6,6 +6,8 @@ from functools import cache
 
 import msgspec
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from msgspec.structs import replace
 from scripted_partner import Puppet
 
@@ -14,7 +16,6 @@ from agent_runtime.testing.memory_bus import MemoryBus, Point
 from companion.design import DESIGN, wiring
 from companion.languages import cmd
 from companion.languages.cmd import BACK, TaskReport, TaskState
-from companion.languages.evidence import Claim, Evidence
 from companion.languages.facts import Kind as Why
 from companion.languages.facts import fact
 from companion.languages.hfsm import Place, Step
@@ -285,21 +286,22 @@ def test_a_cancel_of_what_there_is_not_names_what_there_is(scene):
 
 
 def test_what_a_person_reads_names_the_task_and_says_since_when(scene):
-    """Of several the oldest; the text stays till there is another, the time till there is another
-    state.
+    """All tasks by their wishes, the line of the oldest; the text stays till there is another, the
+    time till there is another state.
     """
     assert scene.say("status").text == "I have nothing to do."
-    first, second = (scene.say(words) for words in ("take the jar", "look around"))
-    waiting = (f"{one.task} is waiting: {one.text}" for one in (first, second))
-    assert scene.say("status").text == "; ".join(waiting)
+    first = scene.say("take the jar")
+    scene.say("look around")
+    assert scene.say("status").text == "take the jar: waiting. look around: waiting."
     scene.settle(1.0)
     scene.agree(first.task, NEXT)
     status = scene.say("status")
     assert (status.task, status.state, status.since) == (first.task, "waiting", first.since)
     scene.report(first.task, P.INFORM, PLANNING)
     status = scene.say("status")
-    assert f"{first.task} is planning: {operator((NEXT,))}" in status.text
-    assert scene.line(first.task).why == (NEXT,)
+    assert status.text.startswith("take the jar: thinking how.")
+    line = scene.line(first.task)
+    assert (line.why, line.text) == ((NEXT,), operator((NEXT,)))
     assert status.since > first.since + 1.0
     scene.report(first.task, P.INFORM, DONE)
     line = scene.line(first.task)
@@ -521,8 +523,7 @@ def test_what_may_mean_two_things_is_asked_with_a_sentence_for_each(scene):
 
 
 def test_what_the_hands_hold_and_how_far_a_task_is_are_answered(scene):
-    """By what the ends of tasks told, and the steps of the plan that runs."""
-    held, stands = Evidence(Claim.HELD, "jar_1"), Evidence(Claim.STANDS, "jar_1")
+    """By what reports told of the hands, and the steps of the plan that runs."""
     assert "empty" in scene.say("what are you holding?").text
     assert scene.say("how long?").text == "I have nothing to do."
     task = scene.say("take the jar").task
@@ -531,12 +532,91 @@ def test_what_the_hands_hold_and_how_far_a_task_is_are_answered(scene):
     told = {"at": GRASP, "number": 1}
     scene.co(task, P.INFORM, TaskReport(RUNNING, steps=steps, **told))
     assert "step 1 of 2" in scene.say("how long will it take?").text
-    scene.co(task, P.INFORM, TaskReport(DONE, evidence=(held,)))
-    assert "the jar" in scene.say("what are you holding?").text
+    scene.co(task, P.INFORM, TaskReport(RUNNING, at=GRASP, hands={Side.LEFT: "jar_1"}))
+    assert scene.say("what are you holding?").text == "My left hand holds the jar."
+    scene.report(task, P.INFORM, DONE)  # which tells nothing of the hands
+    assert scene.people_see.hands == {Side.LEFT: "jar_1"}
     task = scene.say("put the jar down").task
     scene.agree(task)
-    scene.co(task, P.INFORM, TaskReport(DONE, evidence=(stands,)))
+    scene.co(task, P.INFORM, TaskReport(DONE, hands={}))
     assert "puste" in scene.say("co trzymasz?").text
+
+
+def test_the_steps_of_earlier_plans_count(scene, task):
+    """A plan that ends at its last step has done it; one that is left in a step has not."""
+    steps = tuple(Step("take", (f"jar_{n}",), Side.LEFT) for n in range(3))
+    scene.agree(task)
+    before = 0
+    for last in (3, 2, 3):
+        for number in range(1, last + 1):
+            more = {"steps": steps} if number == 1 else {}
+            scene.co(task, P.INFORM, TaskReport(RUNNING, at=GRASP, number=number, **more))
+            line = scene.line(task)
+            assert (line.before, line.number, len(line.steps)) == (before, number, 3)
+        scene.report(task, P.INFORM, PLANNING)
+        before += 3 if last == 3 else 1
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(st.floats(5.0, 60.0), min_size=2, max_size=8),
+    st.lists(st.floats(5.0, 60.0), min_size=2, max_size=8),
+    st.floats(0.5, 3.0),
+)
+def test_the_expected_end_learns_from_what_was_done(learnt, steps, slow):
+    """After two minutes of plans, on a machine that is slow or fast by a factor, the end of the
+    next task is foretold to a quarter.
+    """
+    scene = Scene()
+    told = Told(scene, slow)
+    while sum(told.planned) < 120.0:
+        told.task(learnt)
+    told.planned.clear()
+    first, end = told.task(steps)
+    assert first - told.began == pytest.approx(end - told.began, rel=0.25)
+
+
+class Told:
+    """Plans of tasks that co tells, whose steps take `slow` times as long as planned."""
+
+    def __init__(self, scene, slow):
+        self.scene, self.slow, self.planned, self.began = scene, slow, [], 0.0
+
+    def task(self, steps):
+        """A task with steps of these planned times [s] from start to end; when hi expected its end
+        at its begin, and its end.
+        """
+        scene = self.scene
+        name = scene.say("take the jar", asker="").task
+        scene.agree(name)
+        self.began, firsts = scene.wires.now, []
+        for number in range(1, len(steps) + 1):
+            of = Step("take", ("jar_1",), Side.LEFT)
+            more = {"steps": (of,) * len(steps)} if number == 1 else {}
+            report = TaskReport(RUNNING, number=number, rest=sum(steps[number - 1 :]), **more)
+            for _ in range(2):  # two acts of a step tell the same rest
+                scene.co(name, P.INFORM, report)
+                firsts.append(scene.line(name).until)
+                scene.settle(self.slow * steps[number - 1] / 2.0)
+            assert firsts[-1] == firsts[-2]
+        scene.report(name, P.INFORM, DONE)
+        assert scene.line(name).until == 0.0
+        self.planned += steps
+        return firsts[0], scene.wires.now
+
+
+def test_what_waits_for_a_person_has_no_expected_end(scene, task):
+    """And tells nothing of the pace of the robot."""
+    scene.agree(task)
+    steps = (Step("take", ("jar_1",), Side.LEFT),) * 2
+    scene.co(task, P.INFORM, TaskReport(RUNNING, steps=steps, number=1, rest=40.0))
+    assert scene.line(task).until > scene.wires.now + 30.0
+    scene.co(task, P.INFORM, TaskReport(RUNNING, at=GRASP, number=1, asks=True))
+    assert scene.line(task).until == 0.0
+    scene.settle(900.0)
+    scene.co(task, P.INFORM, TaskReport(RUNNING, number=2, rest=20.0))
+    left = scene.line(task).until - scene.wires.now
+    assert left == pytest.approx(20.0, abs=1.0)
 
 
 @pytest.mark.parametrize(("question", "answer", "wanted"), QUESTIONS)
@@ -692,7 +772,7 @@ def test_what_is_seen_is_what_the_last_look_told(scene):
 
 def test_what_was_given_to_a_person_is_not_offered_any_more():
     """As soon as it was done, and not before; a later look that sees it offers it again."""
-    for seen, given in (
+    for seen, thing in (
         (("bowl_1", "jar_1"), "the jar"),
         (("bowl_1", "jar_1", "jar_2"), "jar 2"),
         (("bowl_1", "jar_1"), "jar 1"),
@@ -703,15 +783,15 @@ def test_what_was_given_to_a_person_is_not_offered_any_more():
             scene.end(scene.say("look around").task, DONE, fact(Why.SEEN, *seen))
 
         def offered(scene=scene):
-            return {wish.thing.en for wish in scene.people_see.wishes}
+            return {name for wish in scene.people_see.wishes if (name := wish.thing.en)}
 
         looked()
         scene.say("take the jar")
         before = offered()
-        scene.report(scene.say(f"hand me {given}").task, P.REFUSE, FAILED, BUSY)
+        scene.report(scene.say(f"hand me {thing}").task, P.REFUSE, FAILED, BUSY)
         assert offered() == before
         scene.settle(2 * AGAIN_S)
-        task = scene.say(f"hand me {given}").task
+        task = scene.say(f"hand me {thing}").task
         assert scene.sent[-1].gives
         scene.agree(task)
         scene.report(task, P.INFORM, RUNNING)

@@ -21,7 +21,7 @@ from services.human_interface.catalogue import (
     abilities,
 )
 from services.human_interface.grammar import understand
-from services.human_interface.interpretation import Act, Ask, Context, in_words, outcome
+from services.human_interface.interpretation import Act, Ask, Context, in_words, outcome, wishes
 
 WISHES = tuple(commands.wishes())
 BOTH = [(row, wish, language) for row, wish in WISHES for language in LANGUAGES]
@@ -60,10 +60,15 @@ def test_what_hi_says_of_a_task_is_understood_as_the_same_task():
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_button_is_understood_as_it_is_written(language):
-    """Those that need no thing; the others are said by the page's tests."""
-    found = [outcome(understand(says), Context()) for says in commands.buttons(language)]
-    alone = [MAKE[wish.does]((), "") for _, wish in commands.wishes() if wish.offer is Offer.ALONE]
-    assert [one.tasks for one in found] == [(task,) for task in alone]
+    """Those that need no thing, with empty hands and full ones; the others are said by the page's
+    tests.
+    """
+    rows = [wish for _, wish in commands.wishes() if wish.offer is Offer.ALONE]
+    for held in ((), ("jar_1",)):
+        said = [getattr(wish.says, language) for wish in wishes(Context(), held)]
+        found = [outcome(understand(says), Context()) for says in said]
+        alone = [MAKE[row.does]((), "") for row in rows if row.held in (None, bool(held))]
+        assert [one.tasks for one in found] == [(task,) for task in alone]
 
 
 NAMED = {

@@ -27,6 +27,8 @@ from companion.run_files import PAGE_FILE, SLOTS_FILE, PageAddress, Pairing
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from services.human_interface.behaviours import agent
+from services.human_interface.device_messages import Sentence
+from services.human_interface.grammar import understand
 from services.human_interface.server import HttpDevice
 
 WITHIN_S = 20.0
@@ -95,9 +97,14 @@ class House:
             self._wires.post("co", lambda turn: turn.say(task, kind, told))
             self._wires.run_for(0.05)
 
-    def running(self, task="hi-1-1", number=1, act="Grasp", steps=STEPS):
+    def post(self, text):
+        """Somebody else says a sentence."""
+        self._post(Sentence("", text, understand(text), asker="other", at=self.now))
+
+    def running(self, task="hi-1-1", number=1, act="Grasp", steps=STEPS, rest=0.0):
         """A task is under way."""
-        self.report(task, TaskState.RUNNING, fact(Why.PLAN_TAKES, 1, 48.0), steps=steps)
+        why = fact(Why.PLAN_TAKES, 1, 48.0)
+        self.report(task, TaskState.RUNNING, why, steps=steps, rest=rest)
         self.report(task, TaskState.RUNNING, at=place(number, act), number=number)
 
     @property
@@ -110,7 +117,7 @@ class PageProcess:
     """`python -m services.page` of a run folder; `connect`: where its router is, if it has one."""
 
     def __init__(self, run, connect="tcp/127.0.0.1:1"):
-        self.run, self.connect = run, connect
+        self.run, self.connect, self.contact = run, connect, ""
         self.start()
 
     def start(self):
@@ -119,7 +126,7 @@ class PageProcess:
         """
         before = self.said_ready()
         settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": self.connect}
-        settings["PATH"] = os.environ["PATH"]
+        settings |= {"PATH": os.environ["PATH"], "ROCO_CONTACT": self.contact}
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log

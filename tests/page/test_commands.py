@@ -2,6 +2,7 @@
 seen.
 """
 
+import datetime
 import re
 import time
 
@@ -12,6 +13,7 @@ from playwright.sync_api import expect
 from companion.commands import Offer, wishes
 from companion.languages.cmd import TaskState
 from companion.languages.facts import Kind, fact
+from companion.languages.values import Side
 from companion.tasks.look_around.command import LookAround
 from companion.tasks.pour.command import PourInto
 from companion.tasks.take.command import Take
@@ -38,7 +40,7 @@ def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
     one = opened()
     say(one, "pour the jar into the bowl")
     expect(one.locator("#queue li")).to_have_text(
-        "Pour the content of the jar into the bowlwaitingCancel"
+        "Pour the content of the jar into the bowlwaitingI do it next.Cancel"
     )
     assert house.asked[0][1] == PourInto("jar", "bowl")
     house.running(number=2, act="MoveJoint")
@@ -46,7 +48,8 @@ def test_a_sentence_becomes_a_task_and_its_plan_is_followed(house, opened):
     expect(one.locator("#step")).to_have_text("Step 2 of 3: carry the jar")
     expect(one.locator("#next")).to_have_text("Then: take the bowl")
     house.report("hi-1-1", TaskState.DONE, fact(Kind.TOOK, 75.0))
-    expect(one.locator("#ended li")).to_have_text("Pour the content of the jar into the bowldone")
+    ended = r"^Pour the content of the jar into the bowldone\d\d:\d\dDo it again$"
+    expect(one.locator("#ended li")).to_have_text(re.compile(ended))
     expect(one.locator("#now")).to_have_text("Velma has nothing to do.")
 
 
@@ -77,8 +80,8 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
     seen(house, "bowl_1", "jar_1")
     for url in ("/?language=pl", "/?language=en"):
         one.goto(one.url.split("/?")[0].rstrip("/") + url)
-        one.locator(".thing button").nth(11).wait_for()
-        for says in one.locator(".thing button, #always button").all_text_contents():
+        one.locator(".thing button").nth(9).wait_for()
+        for says in one.locator(".thing button, #alone button").all_text_contents():
             before = len(house.asked)
             wait_for(lambda says=says: _pressed(one, says) != TOO_OFTEN, says)
             wait_for(lambda before=before: len(house.asked) > before, says)
@@ -87,7 +90,7 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
             expect(one.locator("#queue li")).to_have_count(0)
     names = [type(content).__name__ for _, content in house.asked[1:]]
     about_a_thing, alone = (
-        [row.content.__name__ for row, wish in wishes() if wish.offer is offer]
+        [row.content.__name__ for row, wish in wishes() if wish.offer is offer and not wish.held]
         for offer in (Offer.THINGS, Offer.ALONE)
     )
     assert names == [*about_a_thing * 2, *alone] * 2
@@ -165,15 +168,15 @@ def test_no_is_an_answer_to_a_question_and_else_a_stop(house, opened):
 def test_six_clicks_are_one_task_and_two_on_no_are_no_stop(house, opened):
     """It is said that it was asked for already."""
     one = opened(locale="pl-PL")
-    one.locator("#always button").first.click(click_count=6)
+    one.locator("#alone button").first.click(click_count=6)
     expect(one.locator("#answer")).to_have_text("Już o to poproszono. Przyjęte: rozejrzyj się.")
     expect(one.locator("#queue li")).to_have_count(1)
     assert house.asked == [("hi-1-1", LookAround())]
     say(one, "weź czerwony słoik")
     one.get_by_role("button", name="Nie", exact=True).dblclick()
     expect(one.locator("#answer")).to_have_text("Dobrze, więc nie.")
-    say(one, "status")
-    expect(one.locator("#answer")).to_contain_text("hi-1-1")
+    say(one, "co robisz?")
+    expect(one.locator("#answer")).to_have_text("rozejrzyj się: czeka.")
     assert not house.held
 
 
@@ -185,6 +188,113 @@ def test_a_question_that_nobody_answered_loses_its_buttons(house, opened):
     expect(one.locator("#replies button")).to_have_count(3)
     one.clock.fast_forward(31_000)
     expect(one.locator("#replies button")).to_have_count(0)
+
+
+def test_only_what_the_hands_allow_is_offered(house, opened):
+    """What is held is not taken, what is not held is not put down; what each hand holds is said."""
+    one = opened()
+    one.get_by_role("button", name="Look around").click()
+    wait_for(lambda: house.asked, "it is asked for")
+    seen(house, "bowl_1", "jar_1")
+    take, put = (
+        [f"{does} the {name}" for name in ("jar", "bowl")] for does in ("Take", "Put down")
+    )
+    buttons = one.locator("#things button")
+    holds = {Side.LEFT: "jar_1"}
+    for text, hands, offered in (
+        ("take the jar", {}, take),
+        ("take the bowl", holds, [put[0], take[1]]),
+    ):
+        say(one, text)
+        wait_for(lambda: len(house.asked) > 1, "it is asked for")
+        house.report(house.asked.pop()[0], TaskState.FAILED, fact(Kind.HANDS_FULL), hands=hands)
+        for name in (*take, *put):
+            count = 1 if name in offered else 0
+            expect(buttons.filter(has_text=re.compile(f"^{name}$"))).to_have_count(count)
+        expect(one.locator("#hands")).to_have_text(
+            "My left hand holds the jar." if hands else "I hold nothing."
+        )
+
+
+def test_what_cannot_be_undone_is_asked_first_where_that_is_wanted(house, opened):
+    """The setting outlives the page; what can be undone is done at once, and who has not set it is
+    not asked.
+    """
+    one, other = opened(), opened()
+    one.locator("#careful").check()
+    one.reload()
+    say(one, "take the jar and pour it into the bowl")
+    expect(one.locator("#answer")).to_contain_text("I cannot undo this")
+    one.get_by_role("button", name="No", exact=True).click()
+    expect(one.locator("#answer")).to_have_text("All right, then not.")
+    assert not house.asked
+    say(one, "take the bowl")
+    wait_for(lambda: [content for _, content in house.asked] == [Take("bowl")], "it is asked for")
+    say(one, "pour the jar into the bowl")
+    one.get_by_role("button", name="Yes", exact=True).click()
+    wait_for(lambda: house.asked[-1][1] == PourInto("jar", "bowl"), "who is sure has it")
+    say(other, "pour the jar into the bowl")
+    wait_for(lambda: len(house.asked) == 3, "the other browser has it at once")
+    assert not house.held
+
+
+def test_the_history_has_a_button_to_do_it_again(house, opened):
+    """The newest come first, the others are behind "Earlier today"; what was so already is not
+    called done.
+    """
+    one = opened()
+    for number in range(7):
+        house.post(f"take the jar {number + 1}")
+        why = fact(Kind.SO_ALREADY) if number == 6 else fact(Kind.TOOK, 9.0)
+        house.report(house.asked[-1][0], TaskState.DONE, why)
+    expect(one.locator("#ended .says")).to_have_text([f"Take the jar {n}" for n in range(7, 2, -1)])
+    expect(one.locator("#ended .word").first).to_have_text("was so already")
+    expect(one.locator("#ended .word").nth(1)).to_have_text("done")
+    expect(one.locator("#earlier-list li").first).to_be_hidden()
+    one.locator("#earlier summary").click()
+    one.get_by_role("button", name="Do it again: take the jar 2").click()
+    wait_for(lambda: len(house.asked) == 8, "it is asked for")
+    assert house.asked[-1][1] == Take("jar_2")
+
+
+def test_an_answer_does_not_outlive_its_time(house, opened):
+    """What was true when it was said may not be true later."""
+    one = opened()
+    one.clock.install()
+    say(one, "what do you see")
+    expect(one.locator("#answer")).to_contain_text("not looked around")
+    one.clock.fast_forward(61_000)
+    expect(one.locator("#answer")).to_be_empty()
+
+
+def test_the_time_left_is_said(house, opened):
+    """Beside the step and beside STOP, by the planned rest; for what waits, when it begins."""
+    one = opened()
+    for text in ("take the jar", "take the bowl"):
+        say(one, text)
+        expect(one.locator("#text")).to_have_value("")
+    one.clock.install(time=datetime.datetime.fromtimestamp(house.now, datetime.UTC))
+    house.running("hi-1-1", rest=300.0)
+    for name in ("#left", "#bar"):
+        expect(one.locator(name)).to_contain_text("About 5 minutes left, until about ")
+    expect(one.locator("#bar")).to_contain_text("Take the jar. Step 1 of 3")
+    expect(one.locator("#queue [data-begins]")).to_contain_text("Begins in 5 minutes (")
+
+
+def test_the_end_of_a_task_is_notified_where_that_is_wanted(house, opened):
+    """Once, with two notes; nothing before the button was pressed."""
+    one = opened()
+    one.evaluate("() => { window.chimes = 0; chime = () => (chimes += 1); }")
+    for text, count in (("take the jar", 0), ("take the bowl", 2)):
+        if count:
+            one.get_by_role("button", name="Tell me when it is done").click()
+        say(one, text)
+        wait_for(lambda: house.asked, "it is asked for")
+        house.running(house.asked[-1][0])
+        expect(one.locator("#step")).not_to_be_empty()
+        house.report(house.asked.pop()[0], TaskState.DONE)
+        expect(one.locator("#answer")).to_have_text(f"Done: {text}.")
+        assert one.evaluate("chimes") == count
 
 
 def test_cancel_and_order(house, opened):

@@ -61,6 +61,50 @@ def test_small_and_enlarged(house, opened, locale):
         assert one.evaluate("document.querySelector('#stopbar').offsetHeight / innerHeight") < 0.3
 
 
+@pytest.mark.parametrize("px", [9, 24, 32])
+@pytest.mark.parametrize("width", [360, 1280])
+def test_at_every_size_of_letters(browser, house, opened, width, px):
+    """Chromium's smallest and largest (24), and a third more: no text stands in a narrow column,
+    and nothing is wider than the screen.
+    """
+    one = opened(viewport={"width": width, "height": 900})
+    busy(house, one)
+    # a page has no power over the browser's setting; the page's sizes are all relative to it
+    one.context.new_cdp_session(one).send(
+        "Page.setFontSizes", {"fontSizes": {"standard": px, "fixed": px}}
+    )
+    assert one.evaluate("document.documentElement.scrollWidth") <= width
+    narrow = one.evaluate("""() => {
+            const all = document.querySelectorAll("main p:not(:empty), main li .says");
+            const shown = [...all].filter((each) => each.offsetParent);
+            return shown.map((each) => [each.id || each.className, each.parentNode.clientWidth]);
+        }""")
+    assert not [place for place in narrow if place[1] < min(0.6 * width, 18 * px)], narrow
+    expect(one.locator("#stop")).to_be_in_viewport(ratio=1.0)
+
+
+def test_on_a_telephone_what_happens_comes_before_the_buttons(house, opened):
+    """The current task, the sentence, what waits; then the things."""
+    one = opened(viewport=SMALL)
+    busy(house, one)
+    tops = [
+        one.locator(f"section.{name}").bounding_box()["y"] for name in ("now", "queue", "things")
+    ]
+    assert tops == sorted(tops)
+    assert one.locator(".things button").count() > 5
+
+
+def test_who_can_be_called_is_said_with_stop(page, opened):
+    """Where the operator told the page; the red button always."""
+    one = opened()
+    expect(one.locator("#stopbar")).to_contain_text("the red button on the robot")
+    page.contact = "Anna, 0123 456 <b>"
+    page.kill()
+    page.start()
+    one.reload()
+    expect(one.locator("#stopbar")).to_contain_text("Call Anna, 0123 456 <b>.")
+
+
 def test_all_of_it_by_keyboard(house, opened):
     """STOP comes first; each button is reached by Tab, shows it, is not behind the bar, and works
     by Enter.

@@ -60,6 +60,12 @@ def test_a_person_is_asked_while_the_robot_waits_for_a_pull():
             assert view(heard, language).please == "", when
 
 
+def test_the_steps_of_all_plans_are_counted_together():
+    """A plan that follows another one goes on with its count."""
+    later = replace(LINE, before=3, number=1, steps=(STEP, STEP))
+    assert view(Heard(hi=True, tasks=(later,)), "en").step.startswith("Step 4 of 5: ")
+
+
 def unchecked(state, evidence, language):
     """What the page says beside an ended task."""
     put = "put the jar on the table"

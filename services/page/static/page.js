@@ -103,7 +103,7 @@ function part(id, now, before, make) {
 
 // --- times, which go on while nothing is told ------------------------------------------------------------------------------
 
-const clock = (unix) => new Date(1000 * unix).toLocaleTimeString(words.language, { hour: "2-digit", minute: "2-digit" });
+const clock = (unix) => new Date(1000 * unix).toLocaleTimeString(words.language, { hour: "2-digit", minute: "2-digit", hourCycle: "h23" });
 
 // A time until then: to ten seconds, from two minutes on to a minute.
 function span(unix) {
@@ -129,7 +129,7 @@ function times() {
   const left = active && ahead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
   set("left", left);
   const step = active && shown.step && !shown.held ? shown.step : "";
-  set("bar", [shown.now, step, left].filter(Boolean).join(" "));
+  set("bar", [shown.now, step, left].filter(Boolean).map((text) => text.replace(/\.$/, "")).join(" · "));
   for (const place of document.querySelectorAll("[data-begins]")) {
     const begins = Number(place.dataset.begins);
     place.textContent = ahead(begins) ? fill(words.begins, inTime(begins)) : "";
