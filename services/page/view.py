@@ -95,11 +95,14 @@ class ThingView(msgspec.Struct, frozen=True):
 
 
 class Announcement(msgspec.Struct, frozen=True):
-    """The last thing that is said aloud; `n`: its number; `over`: it is that a task ended."""
+    """The last thing that is said aloud; `n`: its number; `over`: it is that a task ended. `last`:
+    how the last task ended.
+    """
 
     n: int = 0
     text: str = ""
     over: bool = False
+    last: str = ""
 
 
 class View(msgspec.Struct, frozen=True):
@@ -262,6 +265,8 @@ def _announcement(heard: Heard, language: str) -> Announcement:
     """
     says = {line.task: _says(line, language) for line in heard.tasks}
     so = {line.task for line in heard.tasks if was_so(line)}
+    failed = (line for line in heard.tasks if line.state == TaskState.FAILED)
+    failures = {line.task: failure(line.why, language) for line in failed}
     before: dict[str, str] = {}
     told = Announcement()
     for event in heard.news:
@@ -271,7 +276,10 @@ def _announcement(heard: Heard, language: str) -> Announcement:
         if row in WORDS[language] and not repeated:
             row = "told_so" if event.name == TaskState.DONE and event.task in so else row
             text = say(language, row, says.get(event.task, event.task))
-            told = Announcement(event.n, text, event.name in ENDED)
+            if event.name == TaskState.FAILED and event.task in failures:
+                text = f"{text} {failures[event.task]}"
+            over = event.name in ENDED
+            told = Announcement(event.n, text, over, text if over else told.last)
     return told
 
 

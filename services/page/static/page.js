@@ -69,6 +69,7 @@ function show(view) {
   set("next", view.next);
   set("why", view.active ? view.active.why : "");
   set("hands", view.hands);
+  set("last", view.told.last);
   part("now-acts", view.active, before.active, () => (view.active ? [...goOn(view.active), cancelButton(view.active)] : []));
   part("queue", view.queue, before.queue, () => view.queue.map(waiting));
   part("ended", view.ended, before.ended, () => view.ended.slice(0, NEWEST).map(ended));
@@ -129,7 +130,7 @@ function times() {
   const left = active && ahead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
   set("left", left);
   const step = active && shown.step && !shown.held ? shown.step : "";
-  set("bar", [shown.now, step, left].filter(Boolean).map((text) => text.replace(/\.$/, "")).join(" · "));
+  set("bar", [shown.now, step, left, active ? "" : shown.told.last].filter(Boolean).map((text) => text.replace(/\.$/, "")).join(" · "));
   for (const place of document.querySelectorAll("[data-begins]")) {
     const begins = Number(place.dataset.begins);
     place.textContent = ahead(begins) ? fill(words.begins, inTime(begins)) : "";
