@@ -7,6 +7,7 @@ import contextlib
 import itertools
 import signal
 import socket
+import ssl
 import threading
 import time
 
@@ -16,6 +17,7 @@ from page_house import WITHIN_S, wait_for
 from companion.loopback_server import HEAD_BYTES, LOOK_S, MOST, READS_S, Server
 from services.page.app import MOST as MOST_STREAMS
 from services.page.app import Streams, sse
+from services.page.certificate import Certificate
 
 pytestmark = pytest.mark.process
 CROWD = 300
@@ -187,8 +189,9 @@ def test_a_body_that_is_too_large_or_never_whole_is_refused(page):
         assert slow.recv(12) == b"HTTP/1.1 408"
 
 
-def test_who_does_not_read_is_ended():
-    """A client that reads nothing of an endless answer is gone in seconds."""
+@pytest.mark.parametrize("tls", [False, True])
+def test_who_does_not_read_is_ended(tls, tmp_path):
+    """A client that reads nothing of an endless answer is gone in seconds, over TLS, too."""
     over_now, listener = threading.Event(), socket.create_server(("127.0.0.1", 0))
     disconnected = []
 
@@ -206,11 +209,17 @@ def test_who_does_not_read_is_ended():
             ):
                 disconnected.append(scope["path"])
 
-    server = Server(endless)
+    server = Server(endless, Certificate(tmp_path, "127.0.0.1").context if tls else None)
+    trusting = ssl.create_default_context(cafile=tmp_path / "authority.pem") if tls else None
     serving = threading.Thread(target=asyncio.run, args=(server.serve([listener]),))
     serving.start()
     try:
-        with socket.create_connection(listener.getsockname(), timeout=WITHIN_S) as deaf:
+        with contextlib.ExitStack() as open_ones:
+            deaf = socket.create_connection(listener.getsockname(), timeout=WITHIN_S)
+            open_ones.enter_context(deaf)
+            if trusting is not None:
+                deaf = trusting.wrap_socket(deaf, server_hostname="127.0.0.1")
+                open_ones.enter_context(deaf)
             deaf.sendall(b"GET /deaf HTTP/1.1\r\nHost: here\r\n\r\n")
             wait_for(lambda: disconnected == ["/deaf"], "it is ended", READS_S + WITHIN_S)
     finally:
