@@ -235,9 +235,9 @@ def _invite(found: Door) -> None:
 
         from console.terminal.console import Console
 
-        # both colours: the code is dark on light, whatever the terminal is
+        # Both colours, also where NO_COLOR is set: no terminal shows it dark for light.
         drawn = Text(qr_code(found.tablet), Style(color="#ffffff", bgcolor="#000000"))
-        Console().print(drawn, soft_wrap=True)
+        Console(no_color=False).print(drawn, soft_wrap=True)
     print(
         "The tablet's browser warns of a certificate that it does not know. Go on there only if it"
         f" shows this SHA-256 fingerprint:\n{found.sha256}"
