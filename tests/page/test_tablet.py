@@ -398,11 +398,11 @@ def test_a_paired_tablet_meets_the_same_page_after_a_restart(page):
         assert file.stat().st_mode & 0o077 == 0
 
 
-def hands_shaken(context, authority):
+def hands_shaken(context, authority, at="192.0.2.7"):
     """The certificate that a client gets which trusts this authority, in memory."""
     to, back = ssl.MemoryBIO(), ssl.MemoryBIO()
     trusts = ssl.create_default_context(cafile=authority)
-    client = trusts.wrap_bio(back, to, server_hostname="192.0.2.7")
+    client = trusts.wrap_bio(back, to, server_hostname=at)
     server = context.wrap_bio(to, back, server_side=True)
     for one in (client, server, client):
         with contextlib.suppress(ssl.SSLWantReadError):
@@ -425,6 +425,35 @@ def test_a_certificate_is_made_again_on_its_last_day(tmp_path):
 def stored(folder):
     """The certificate in a folder, DER."""
     return ssl.PEM_cert_to_DER_cert((folder / "page.pem").read_text())
+
+
+def another(folder, name):
+    """Put a file of another page's keys there."""
+    Certificate(folder / "other", "192.0.2.7")
+    (folder / "other" / name).replace(folder / name)
+
+
+@pytest.mark.parametrize(
+    ("damage", "at"),
+    [
+        (lambda folder: another(folder, "page.key"), "192.0.2.7"),
+        (lambda folder: another(folder, "authority.pem"), "192.0.2.7"),
+        (lambda folder: (folder / "page.key").write_bytes(b"nonsense"), "192.0.2.7"),
+        (lambda folder: (folder / "page.pem").unlink(), "192.0.2.7"),
+        (lambda folder: None, "192.0.2.8"),
+        (lambda folder: None, "robot.lan"),
+    ],
+)
+def test_a_certificate_of_no_use_is_made_again(damage, at, tmp_path):
+    """As a page that was killed while it made its keys left them, or one at another address."""
+    Certificate(tmp_path, "192.0.2.7")
+    kept = stored(tmp_path)
+    Certificate(tmp_path, "192.0.2.7")
+    assert stored(tmp_path) == kept
+    damage(tmp_path)
+    made = Certificate(tmp_path, at)
+    got = hands_shaken(made.context, tmp_path / "authority.pem", at)
+    assert got == stored(tmp_path) != kept
 
 
 # --- Crowds ---------------------------------------------------------------------------------------

@@ -258,15 +258,6 @@ def qr_code(text: str) -> str:
     return "\n".join(lines)
 
 
-def _fingerprint(fleet: Target) -> str:
-    """Of the certificate that the page shows a tablet, as browsers and openssl print it."""
-    pem = fleet.read(PAGE.name, f"{PAGE_KEYS}/{PAGE.name}.pem").decode("ascii", errors="replace")
-    try:
-        return hashlib.sha256(ssl.PEM_cert_to_DER_cert(pem)).digest().hex(":").upper()
-    except ValueError as error:
-        raise PageError(f"the page of {fleet.where} has no certificate ({error})") from error
-
-
 def _door_or_error(target: str, run_dir: Path | None) -> Door | ConsoleError:
     try:
         return door(targets.find(target, run_dir))
@@ -299,6 +290,18 @@ def door(fleet: Target) -> Door:
         return Door(url, code.within_s)
     tablet = f"https://{address.tablet}/pair#{code.code}"
     return Door(url, code.within_s, tablet, _fingerprint(fleet))
+
+
+def _fingerprint(fleet: Target) -> str:
+    """Of the certificate that the page shows a tablet, as browsers and openssl print it."""
+    pem = fleet.read(PAGE.name, f"{PAGE_KEYS}/{PAGE.name}.pem").decode("ascii", errors="replace")
+    try:
+        return hashlib.sha256(ssl.PEM_cert_to_DER_cert(pem)).digest().hex(":").upper()
+    except ValueError as error:
+        raise PageError(
+            f"the page of {fleet.where} has no certificate ({error}); `roco agent restart"
+            f" {PAGE.name}` makes one"
+        ) from error
 
 
 def door_when_there(run: Path, within_s: float = LISTENS_S) -> Door | None:
