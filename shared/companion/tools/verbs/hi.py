@@ -248,7 +248,7 @@ def qr_code(text: str) -> str:
     """A QR code in lines of half blocks: what is drawn is light, two rows of modules to a line."""
     import segno
 
-    rows = list(segno.make_qr(text, error="m").matrix_iter(border=QUIET_ZONE))
+    rows = [list(row) for row in segno.make_qr(text, error="m").matrix_iter(border=QUIET_ZONE)]
     rows += [[0] * len(rows[0])] * (len(rows) % 2)
     blocks = {(0, 0): BOTH, (0, 1): UPPER, (1, 0): LOWER, (1, 1): " "}
     lines = (
