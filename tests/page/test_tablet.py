@@ -249,10 +249,10 @@ def foreign(page):
         {"Origin": "null"},
         {"Origin": None},
         {"Sec_Fetch_Site": "cross-site"},
-        {"Host": f"evil.example:{port}"},
-        {"Host": host},
-        {"Host": loopback},
-        {"Host": f"localhost:{port}"},
+        *(
+            {"Host": one, "Origin": f"https://{one}"}
+            for one in (f"evil.example:{port}", host, loopback, f"localhost:{port}")
+        ),
     )
 
 
