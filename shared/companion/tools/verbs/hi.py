@@ -198,14 +198,14 @@ def page(
     five minutes.
 
     The browser stays paired as long as the run folder is there, over restarts of the page, too. A
-    fleet that is starting is waited for, at most 90 s. Where the fleet was started with
-    ROCO_PAGE=ADDRESS:PORT, an address of this machine in the network, a tablet scans the QR code.
+    fleet that is starting is waited for, at most 90 s. Of a fleet that was started for a tablet
+    (`ROCO_PAGE=192.168.1.20:8351 roco up`) the address in the network is printed, too, as a QR
+    code.
 
     Examples:
       roco page
       roco page --open
       roco page --target compose
-      ROCO_PAGE=192.168.1.20:8351 roco up
     """
     with problems(form):
         found = when_started(
