@@ -33,6 +33,7 @@ from companion.loopback_server import (
     check_host,
     has_token,
     listener,
+    loopback_hosts,
     whole_body,
 )
 from companion.run_files import (
@@ -172,7 +173,7 @@ class HttpApp:
         """Check the sender, then the request; answer it."""
         request, status = Request(scope, receive), 200
         try:
-            check_host(request.headers, self._address.port)
+            check_host(request.headers, loopback_hosts(self._address.port))
             if not has_token(request.headers, self._address.token):
                 bearer = "Authorization: Bearer <token>"
                 text = f"wrong or missing token; send `{bearer}` with that of {HI_FILE}"

@@ -4,15 +4,18 @@ docs/page.md says.
 
 import asyncio
 import contextlib
+import ipaddress
 import os
 import secrets
 import signal
 import socket
 import sys
 import threading
+import time
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 
@@ -20,6 +23,7 @@ from agent_runtime.io import cli
 from agent_runtime.io.logs import Log
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.run_files import (
+    LOOPBACK,
     ProcessHeartbeat,
     listen_at,
     make_run,
@@ -28,10 +32,13 @@ from agent_runtime.io.run_files import (
 )
 from companion.loopback import HERE, Hi, HiError
 from companion.loopback_server import RobotStop, Server, listener
-from companion.run_files import HI_FILE, PAGE_FILE, HiEvent, PageAddress, Tasks
+from companion.run_files import HI_FILE, PAGE_FILE, PAGE_KEYS, HiEvent, PageAddress, Tasks
 from services.page.app import Page
 from services.page.guard import Guard, Pairs
 from services.page.robot import RobotEye, RobotWord
+
+if TYPE_CHECKING:
+    from services.page.certificate import Certificate
 
 WAIT_S = 10.0
 """hi holds the answer so long, until there is something to tell; what only a file tells is seen by
@@ -84,6 +91,14 @@ before them.
 PAIRED_FILE = "page.paired"
 
 
+class Tablet(NamedTuple):
+    """Where the page listens for tablets: host:port `at`, as a request must name it."""
+
+    listening: socket.socket
+    at: str
+    certificate: "Certificate"
+
+
 def serve(options: Options) -> int:
     """Run until a signal; return the exit code.
 
@@ -92,19 +107,52 @@ def serve(options: Options) -> int:
     """
     try:
         host, port = listen_at(os.environ.get("ROCO_PAGE", ""))
+        outside = for_tablets(host, published="ROCO_HI" in os.environ)
     except ValueError as error:
         print(f"ROCO_PAGE: {error}", file=sys.stderr)
         return USAGE_ERROR
     make_run(options.run_dir)
     before = _before(options.run_dir)
-    listening = _listening(host, port, before)
-    address = PageAddress(
-        listening.getsockname()[1], before.token if before else secrets.token_urlsafe(24)
-    )
-    write_secret(options.run_dir / PAGE_FILE, msgspec.json.encode(address))
-    with listening:
-        asyncio.run(_serve(options, listening, address))
+    with contextlib.ExitStack() as open_ones:
+        here = LOOPBACK if outside else (host, port)
+        listening = open_ones.enter_context(_listening(*here, before))
+        tablet = None
+        if outside:
+            # it needs a library of 10 MB, which nothing else here does
+            from services.page.certificate import Certificate
+
+            reached = open_ones.enter_context(listener(host, port, "ROCO_PAGE"))
+            at = f"{host.lower()}:{reached.getsockname()[1]}"
+            tablet = Tablet(reached, at, Certificate(options.run_dir / PAGE_KEYS, host.lower()))
+        address = PageAddress(
+            listening.getsockname()[1],
+            before.token if before else secrets.token_urlsafe(24),
+            tablet.at if tablet else "",
+        )
+        write_secret(options.run_dir / PAGE_FILE, msgspec.json.encode(address))
+        asyncio.run(_serve(options, listening, tablet, address))
     return 0
+
+
+def for_tablets(host: str, *, published: bool) -> bool:
+    """Whether a host is of the network, where the page is served with TLS alone; else it is of this
+    machine. `published`: of a container whose ports are published on loopback. Raise ValueError.
+    """
+    try:
+        found = ipaddress.IPv4Address(socket.gethostbyname(host))
+    except OSError as error:
+        raise ValueError(f"{host!r} has no IPv4 address here: {error.strerror}") from error
+    if found.is_unspecified and not published:
+        raise ValueError(
+            f"{host} is every address of this machine; name the one that the tablet reaches, such"
+            " as 192.168.1.20:8351 (`ip -brief address` lists them): the page has TLS there"
+        )
+    if found.is_loopback and host not in ("localhost", str(found)):
+        raise ValueError(
+            f"{host!r} is {found} here, which no tablet reaches; name the machine's address in the"
+            " network, such as 192.168.1.20:8351"
+        )
+    return not (found.is_loopback or found.is_unspecified)
 
 
 def _before(run: Path) -> PageAddress | None:
@@ -125,7 +173,9 @@ def _listening(host: str, port: int, before: PageAddress | None) -> socket.socke
     return listener(host, port, "ROCO_PAGE")
 
 
-async def _serve(options: Options, listening: socket.socket, address: PageAddress) -> None:
+async def _serve(
+    options: Options, listening: socket.socket, tablet: Tablet | None, address: PageAddress
+) -> None:
     run = options.run_dir
     log = Log(NAME, options.log_level, run / "logs" / f"{NAME}.jsonl")
     file = Path(os.environ.get("ROCO_HI_DIR") or run) / HI_FILE
@@ -151,30 +201,39 @@ async def _serve(options: Options, listening: socket.socket, address: PageAddres
         lambda *picture: soon(partial(page.see, *picture)),
         lambda mode: soon(partial(page.hear, mode=mode)),
     )
-    server = Server(Guard(page.app(), address.port, pairs))
+    app = page.app()
+    servers = [(Server(Guard(app, address.port, pairs)), listening)]
+    if tablet is not None:
+        guard = Guard(app, address.port, pairs, tablet.at)
+        servers.append((Server(guard, tablet.certificate.context), tablet.listening))
 
     def end() -> None:
         page.streams.close()
-        server.should_exit = True
+        for server, _ in servers:
+            server.should_exit = True
 
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, end)
     following.start()
     eye.start()
-    serving = asyncio.create_task(server.serve(sockets=[listening]))
+    serving = [asyncio.create_task(server.serve(sockets=[one])) for server, one in servers]
     try:
         pulse, ready = ProcessHeartbeat(run, NAME), ready_file(run, NAME)
         ready.unlink(missing_ok=True)  # of the process before this one
-        log.write("listening", at=f"http://127.0.0.1:{address.port}")
-        while not serving.done():
-            if server.started and not ready.exists():
+        log.write("listening", at=f"http://127.0.0.1:{address.port}", tablet=address.tablet)
+        while not any(one.done() for one in serving):
+            if all(server.started for server, _ in servers) and not ready.exists():
                 ready.touch()
             pulse.beat()
             held = stop.held if stop.here else page.heard.mode == "stopped"
             if held != page.heard.held:
                 page.hear(held=held)
-            await asyncio.wait((serving,), timeout=LOOK_S)
-        await serving
+            if tablet is not None:
+                with contextlib.suppress(OSError):  # such as a full disk; it is tried again
+                    tablet.certificate.renew(time.time())
+            await asyncio.wait(serving, timeout=LOOK_S, return_when=asyncio.FIRST_COMPLETED)
+        end()
+        await asyncio.gather(*serving)
     finally:
         following.close()
         eye.close()

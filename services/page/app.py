@@ -166,6 +166,8 @@ async def wav(text: str, language: str) -> bytes | None:
 LANGUAGE_COOKIE = "velma-language"
 BROWSER = "browser"
 """The field with the name of the browser that sent a form; the page itself fills it in."""
+SCHEME = "scheme"
+"""Likewise http or https, by which the form came."""
 HI_AT_ONCE = 6
 """Requests to hi at the same time, but for a stop's; estimate: hi answers in milliseconds, or
 hangs.
@@ -375,8 +377,9 @@ class Page:
             raise Refused(403, say(language, "pair_wrong"))
         answer = JSONResponse({"state": "paired", "text": "", "replies": []})
         answer.set_cookie(
-            cookie_name(self._port), cookie, max_age=int(KEPT_S), httponly=True, samesite="strict"
-        )
+            cookie_name(self._port), cookie, max_age=int(KEPT_S),
+            httponly=True, samesite="strict", secure=fields[SCHEME] == "https",
+        )  # fmt: skip
         return answer
 
     async def _code(self, request: Request) -> Response:
@@ -420,7 +423,8 @@ def _answering(
     async def route(request: Request) -> Response:
         language = _language(request)
         try:
-            answer = await act(await _form(request) | {BROWSER: request.scope["browser"]}, language)
+            own = {BROWSER: request.scope["browser"], SCHEME: request.scope["scheme"]}
+            answer = await act(await _form(request) | own, language)
         except Refused as refused:
             return JSONResponse({"error": str(refused)}, refused.status, refused.headers)
         if "application/json" in request.headers.get("accept", ""):

@@ -1,8 +1,9 @@
 """Access check before anything else looks at a request: an ASGI layer around the page.
 
-Host names this machine's loopback (a page of elsewhere reaches the robot by no rebound name), a
-POST comes from this page itself (its Origin), and all but the door needs the cookie of a paired
-browser. `docs/page.md` says why. A code pairs one browser, once; afterwards its cookie is known.
+Host names this machine's loopback, or where tablets reach it (a page of elsewhere reaches the robot
+by no rebound name), a POST comes from this page itself (its Origin), and all but the door needs the
+cookie of a paired browser. `docs/page.md` says why. A code pairs one browser, once; afterwards its
+cookie is known.
 """
 
 import hashlib
@@ -19,7 +20,7 @@ from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from agent_runtime.io.run_files import write_secret
-from companion.loopback_server import Refused, check_host
+from companion.loopback_server import Refused, check_host, loopback_hosts
 
 # --- Pairing of browsers with the page. No clock, no HTTP -----------------------------------------
 # Six digits are enough as five wrong ones end a code: one guess in 200,000 is right. Only digests
@@ -150,8 +151,8 @@ HEADERS = {
 
 
 class Guard:
-    """`app` for who is let in. `port`: where the page is; `wall`, `clock`: unix time, and one that
-    only grows [s].
+    """`app` for who is let in. `port`: of the page on loopback; `tablet`: host:port of the listener
+    with TLS that this one guards; `wall`, `clock`: unix time, and one that only grows [s].
     """
 
     def __init__(
@@ -159,11 +160,14 @@ class Guard:
         app: ASGIApp,
         port: int,
         pairs: Pairs,
+        tablet: str = "",
         wall: Callable[[], float] = time.time,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._app, self._pairs, self._wall, self._clock = app, pairs, wall, clock
-        self._port, self._cookie = port, cookie_name(port)
+        self._cookie = cookie_name(port)
+        self._hosts = (tablet,) if tablet else loopback_hosts(port)
+        self._scheme, self._codes = ("https", False) if tablet else ("http", True)
         self._buckets: dict[str, Bucket] = {}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -186,12 +190,14 @@ class Guard:
         if "websocket" in headers.get("upgrade", "").lower():
             return 400, "the page has no WebSocket; what it tells comes at /events"
         try:
-            check_host(headers, self._port)
+            check_host(headers, self._hosts)
         except Refused as refused:
             return refused.status, str(refused)
-        host = headers["host"]
-        if scope["method"] == "POST" and path != "/code" and not _same(headers, f"http://{host}"):
-            return 403, f"Origin must be http://{host}: only this page may ask for that"
+        origin = f"{self._scheme}://{headers['host']}"
+        if path == "/code" and not self._codes:
+            return 403, "`roco page` makes codes, on the robot's machine"
+        if scope["method"] == "POST" and path != "/code" and not _same(headers, origin):
+            return 403, f"Origin must be {origin}: only this page may ask for that"
         if path not in OPEN_TO_ALL and headers.get("sec-fetch-site", "none") not in (
             "same-origin",
             "none",

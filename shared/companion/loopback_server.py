@@ -1,10 +1,11 @@
-"""The HTTP server of what people use on this machine, hi and the page: who may connect, how long
-and how much.
+"""The HTTP server of what people use on this machine, hi and the page, and over TLS from a tablet:
+who may connect, how long and how much.
 
 h11 bounds a head only while it is not whole: one that comes in one piece may be as long as the
-piece. uvicorn waits for ever for a head that does not end, and for a client that does not read. All
-of this is ended here. The figures are estimates for programs and browsers of this machine, which
-take milliseconds. Must not know: what is asked.
+piece. uvicorn waits for ever for a head that does not end, and for a client that does not read;
+asyncio gives a TLS handshake 60 s, and takes as many at once as come. All of this is ended here.
+The figures are estimates for programs and browsers of this machine, which take milliseconds. Must
+not know: what is asked.
 """
 
 import asyncio
@@ -12,6 +13,7 @@ import contextlib
 import hmac
 import re
 import socket
+import ssl
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -45,6 +47,20 @@ SENT_BYTES = 131_072
 """
 GRACE_S = 2
 """Longest for requests in hand at the end."""
+HANDSHAKE_S = 6.0
+"""Longest for a TLS handshake, and for the farewell at its end: as for a head."""
+HANDSHAKES = 64
+"""Under way at once; beyond that the oldest goes (estimate: a tablet begins six)."""
+TAKEN_EACH_S = 0.02
+"""Between two connections that are taken over TLS. A handshake takes 2.8 ms of processor, which the
+robot's loop shares: so a flood of them takes 13 % of a core (measured 2026-11-30, load 7 to 9).
+"""
+REST_S = 0.5
+"""After a connection that could not be taken, such as for want of file descriptors."""
+BUFFER_BYTES = 65_536
+"""Written, and not yet with the system: as asyncio bounds a connection without TLS. With TLS it
+would be 512 KiB.
+"""
 _END = re.compile(rb"\n\r?\n")
 
 
@@ -54,6 +70,7 @@ class BoundedProtocol(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Take a connection; where there are too many, the oldest without a request goes."""
         super().connection_made(transport)
+        transport.set_write_buffer_limits(BUFFER_BYTES)
         self._idle = 0
         self._unread: asyncio.TimerHandle | None = None
         self._since = self.loop.time()
@@ -125,9 +142,11 @@ class BoundedProtocol(H11Protocol):
 
 
 class Server(uvicorn.Server):
-    """A server of `app` within these bounds; its signals are the caller's."""
+    """A server of `app` within these bounds, over TLS where there is a context for it; its signals
+    are the caller's.
+    """
 
-    def __init__(self, app: ASGIApp) -> None:
+    def __init__(self, app: ASGIApp, tls: ssl.SSLContext | None = None) -> None:
         super().__init__(
             uvicorn.Config(
                 app, http=BoundedProtocol, ws="none", lifespan="off", server_header=False,
@@ -138,6 +157,63 @@ class Server(uvicorn.Server):
                 timeout_graceful_shutdown=GRACE_S,
             )
         )  # fmt: skip
+        self._tls = tls
+        self._taking: list[asyncio.Task[None]] = []
+        self._handshakes: dict[asyncio.Task[None], None] = {}  # oldest first
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Listen at these sockets."""
+        if self._tls is None:
+            return await super().startup(sockets)
+        await super().startup([])
+        for one in sockets or ():
+            one.setblocking(False)
+            taking = asyncio.create_task(self._take(one, self._tls))
+            taking.add_done_callback(self._end)
+            self._taking.append(taking)
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """Take no more connections, and end those that are there."""
+        over = (*self._taking, *self._handshakes)
+        for task in over:
+            task.cancel()
+        await asyncio.gather(*over, return_exceptions=True)
+        await super().shutdown(sockets)
+
+    async def _take(self, listening: socket.socket, tls: ssl.SSLContext) -> None:
+        """Take connections. A client without an end of its handshake has no place among those that
+        ask.
+        """
+        loop = asyncio.get_running_loop()
+        while True:
+            try:
+                connection, _ = await loop.sock_accept(listening)
+            except OSError:
+                await asyncio.sleep(REST_S)
+                continue
+            begun = loop.create_task(self._shake_hands(connection, tls))
+            self._handshakes[begun] = None
+            begun.add_done_callback(lambda task: self._handshakes.pop(task, None))
+            if len(self._handshakes) > HANDSHAKES:
+                next(iter(self._handshakes)).cancel()
+            await asyncio.sleep(TAKEN_EACH_S)
+
+    async def _shake_hands(self, connection: socket.socket, tls: ssl.SSLContext) -> None:
+        def protocol() -> BoundedProtocol:
+            return BoundedProtocol(self.config, self.server_state, self.lifespan.state)
+
+        with contextlib.suppress(OSError):  # no TLS, too late, or gone
+            await asyncio.get_running_loop().connect_accepted_socket(
+                protocol,
+                connection,
+                ssl=tls,
+                ssl_handshake_timeout=HANDSHAKE_S,
+                ssl_shutdown_timeout=HANDSHAKE_S,
+            )
+
+    def _end(self, _: asyncio.Task[None]) -> None:
+        """End the server: it takes no connections any more."""
+        self.should_exit = True
 
     @contextlib.contextmanager
     def capture_signals(self) -> Iterator[None]:
@@ -183,11 +259,15 @@ class Refused(Exception):
         super().__init__(text)
 
 
-def check_host(headers: Headers, port: int) -> None:
+def loopback_hosts(port: int) -> tuple[str, ...]:
+    """What a request to this port of this machine's loopback says as Host."""
+    return f"127.0.0.1:{port}", f"localhost:{port}"
+
+
+def check_host(headers: Headers, hosts: tuple[str, ...]) -> None:
     """Raise Refused for a request that was sent to another name: no page of elsewhere gets here by
     one that it made.
     """
-    hosts = (f"127.0.0.1:{port}", f"localhost:{port}")
     if len(sent := headers.getlist("host")) != 1 or sent[0] not in hosts:
         raise Refused(403, f"Host must be {' or '.join(hosts)}")
 

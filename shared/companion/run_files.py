@@ -16,6 +16,7 @@ from companion.languages.values import Side
 
 HI_FILE = "hi.json"
 PAGE_FILE = "page.json"
+PAGE_KEYS = "page-keys"  # folder of the certificate that the page shows a tablet, mode 0700
 REFUSED = "refused"
 """The state of a line on a sentence that never became a task."""
 QUESTION, ANSWERED = "question", "answered"
@@ -43,11 +44,12 @@ class HiAddress(msgspec.Struct, frozen=True):
 
 class PageAddress(msgspec.Struct, frozen=True):
     """page.json (mode 0600), written by the person's page once it listens on 127.0.0.1; `token` is
-    for `roco page`.
+    for `roco page`. `tablet`: host:port where it listens with TLS, too, "" for nowhere.
     """
 
     port: int
     token: str
+    tablet: str = ""
 
 
 class Pairing(msgspec.Struct, frozen=True):

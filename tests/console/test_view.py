@@ -122,6 +122,16 @@ def test_a_set_port_that_is_taken(
     ]
 
 
+def test_a_set_port_is_looked_for_at_its_address(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the page in a network: the same port of another address is another one."""
+    with socket.create_server(("127.0.0.2", 0)) as other:
+        port = other.getsockname()[1]
+        for host, taken in (("127.0.0.2", True), ("127.0.0.3", False)):
+            monkeypatch.setenv("ROCO_PAGE", f"{host}:{port}")
+            levels = {check.level for check in CHECKS.machine["ports"]()}
+            assert (Level.WRONG in levels) == taken, host
+
+
 def test_a_set_port_of_a_fleet_in_any_folder(
     port: int, called: Callable[..., int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

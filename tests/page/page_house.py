@@ -114,10 +114,12 @@ class House:
 
 
 class PageProcess:
-    """`python -m services.page` of a run folder; `connect`: where its router is, if it has one."""
+    """`python -m services.page` of a run folder; `connect`: where its router is, if it has one;
+    `settings`: more of its environment.
+    """
 
-    def __init__(self, run, connect="tcp/127.0.0.1:1"):
-        self.run, self.connect, self.contact = run, connect, ""
+    def __init__(self, run, connect="tcp/127.0.0.1:1", **settings):
+        self.run, self.connect, self.settings = run, connect, settings
         self.start()
 
     def start(self):
@@ -126,7 +128,7 @@ class PageProcess:
         """
         before = self.said_ready()
         settings = {"ROCO_RUN_DIR": str(self.run), "ROCO_CONNECT": self.connect}
-        settings |= {"PATH": os.environ["PATH"], "ROCO_CONTACT": self.contact}
+        settings |= {"PATH": os.environ["PATH"]} | self.settings
         with (self.run / "page.log").open("ab") as log:
             self.process = subprocess.Popen(
                 [sys.executable, "-m", "services.page"], env=settings, stdout=log, stderr=log

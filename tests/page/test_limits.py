@@ -7,18 +7,23 @@ import contextlib
 import itertools
 import signal
 import socket
+import ssl
 import threading
 import time
 
 import pytest
 from page_house import WITHIN_S, wait_for
 
-from companion.loopback_server import HEAD_BYTES, LOOK_S, MOST, READS_S, Server
+from companion.loopback_server import HEAD_BYTES, LOOK_S, MOST, READS_S, Server, listener
 from services.page.app import MOST as MOST_STREAMS
 from services.page.app import Streams, sse
+from services.page.certificate import Certificate
 
 pytestmark = pytest.mark.process
 CROWD = 300
+PIECE = 65_536
+MOST_UNREAD = 1_000_000
+"""Bytes: 0.4 MB are with the two ends' systems, and some pieces with asyncio."""
 
 
 def connected(page):
@@ -187,15 +192,19 @@ def test_a_body_that_is_too_large_or_never_whole_is_refused(page):
         assert slow.recv(12) == b"HTTP/1.1 408"
 
 
-def test_who_does_not_read_is_ended():
-    """A client that reads nothing of an endless answer is gone in seconds."""
-    over_now, listener = threading.Event(), socket.create_server(("127.0.0.1", 0))
-    disconnected = []
+@pytest.mark.parametrize("tls", [False, True])
+def test_who_does_not_read_is_ended(tls, tmp_path):
+    """A client that reads nothing of an endless answer is gone in seconds, over TLS, too; little
+    waits for it.
+    """
+    over_now, listening = threading.Event(), listener("127.0.0.1", 0, "")
+    disconnected, sent = [], []
 
     async def endless(scope, receive, send):
         await send({"type": "http.response.start", "status": 200, "headers": []})
         while not (over_now.is_set() or disconnected):
-            await send({"type": "http.response.body", "body": bytes(65536), "more_body": True})
+            await send({"type": "http.response.body", "body": bytes(PIECE), "more_body": True})
+            sent.append(PIECE)
             listening = asyncio.ensure_future(receive())
             await asyncio.wait((listening,), timeout=0.001)
             listening.cancel()
@@ -206,18 +215,27 @@ def test_who_does_not_read_is_ended():
             ):
                 disconnected.append(scope["path"])
 
-    server = Server(endless)
-    serving = threading.Thread(target=asyncio.run, args=(server.serve([listener]),))
+    server = Server(endless, Certificate(tmp_path, "127.0.0.1").context if tls else None)
+    trusting = ssl.create_default_context(cafile=tmp_path / "authority.pem") if tls else None
+    serving = threading.Thread(target=asyncio.run, args=(server.serve([listening]),))
     serving.start()
     try:
-        with socket.create_connection(listener.getsockname(), timeout=WITHIN_S) as deaf:
+        with contextlib.ExitStack() as open_ones:
+            deaf = open_ones.enter_context(socket.socket())
+            deaf.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, PIECE)
+            deaf.settimeout(WITHIN_S)
+            deaf.connect(listening.getsockname())
+            if trusting is not None:
+                deaf = trusting.wrap_socket(deaf, server_hostname="127.0.0.1")
+                open_ones.enter_context(deaf)
             deaf.sendall(b"GET /deaf HTTP/1.1\r\nHost: here\r\n\r\n")
             wait_for(lambda: disconnected == ["/deaf"], "it is ended", READS_S + WITHIN_S)
+            assert sum(sent) < MOST_UNREAD
     finally:
         over_now.set()
         server.should_exit = True
         serving.join(WITHIN_S)
-        listener.close()
+        listening.close()
 
 
 def test_streams_are_bounded(page):

@@ -98,7 +98,7 @@ def test_who_can_be_called_is_said_with_stop(page, opened):
     """Where the operator told the page; the red button always."""
     one = opened()
     expect(one.locator("#stopbar")).to_contain_text("the red button on the robot")
-    page.contact = "Anna, 0123 456 <b>"
+    page.settings["ROCO_CONTACT"] = "Anna, 0123 456 <b>"
     page.kill()
     page.start()
     one.reload()

@@ -143,7 +143,7 @@ WALKS = {
 @pytest.mark.parametrize("wish", WALKS)
 def test_each_wish_takes_the_steps_that_the_docs_say(house, page, opened, wish, by):
     """From the top of the page, with a task under way and two that wait."""
-    page.contact = "Anna, 0123 456"
+    page.settings["ROCO_CONTACT"] = "Anna, 0123 456"
     page.kill()
     page.start()
     begin(house)

@@ -275,6 +275,45 @@ def _make(
     return end
 
 
+def issue_server(
+    folder: Path,
+    name: str,
+    at: str,
+    *,
+    days: float,
+    keep_days: float,
+    now: dt.datetime | None = None,
+) -> dt.datetime:
+    """Make a certificate for a server that browsers reach `at` an address or name, by an authority
+    of its own; keep one that holds for `keep_days` more. Return until when it holds. Raise OSError.
+
+    No session of the fleet takes it, and a browser that trusts it takes no key of the fleet.
+    """
+    begin = now or dt.datetime.now(dt.UTC)
+    until = _serving(folder, name, at)
+    if until is not None and until >= begin + dt.timedelta(days=keep_days):
+        return until
+    end = begin + dt.timedelta(days=days)
+    issuer = authority(f"{name} authority", begin, end)
+    folder.mkdir(parents=True, exist_ok=True)
+    folder.chmod(OWNER_ONLY)
+    publish(folder, issuer, None)
+    certify(folder, issuer, name, begin, end, (at,))
+    return end
+
+
+def _serving(folder: Path, name: str, at: str) -> dt.datetime | None:
+    """Until when a server's certificate holds; None where it is of no use."""
+    try:
+        found = _certificate(certificate_file(folder, name))
+        issuer = _certificate(folder / AUTHORITY)
+        key = serialization.load_pem_private_key(key_file(folder, name).read_bytes(), None)
+    except (OSError, ValueError, TypeError):
+        return None
+    whole = key.public_key() == found.public_key() and _signed(found, issuer, name)
+    return found.not_valid_after_utc if whole and _listens(found, (at,)) else None
+
+
 def revoke(folder: Path, name: str, *, undo: bool = False) -> tuple[str, ...]:
     """Deny the common name every right at each router and agent whose keys lie in the folder.
 

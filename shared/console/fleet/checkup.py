@@ -29,7 +29,7 @@ from console.fleet import identity, targets
 from console.fleet.compose import docker
 from console.fleet.local import Local
 from console.fleet.process_status import Look, Seen, Target, stuck, trouble
-from console.fleet.status import GRPC, WEB, key_folder, key_times, listens, taken
+from console.fleet.status import GRPC, HOST, WEB, key_folder, key_times, listens, taken
 from console.output import Form, Format, RunDir, tell, waiting
 from console.runs import folders
 from console.terminal.console import Console, table
@@ -174,8 +174,8 @@ def loopback(variables: Collection[str] = (GRPC, WEB)) -> Iterator[Check]:
     """
     for name in variables:
         value = os.environ.get(name, "")
-        port = value.rpartition(":")[2]
-        if not (port.isdecimal() and 0 < int(port) < 65536 and listens(int(port))):
+        host, _, port = value.rpartition(":")
+        if not (port.isdecimal() and 0 < int(port) < 65536 and listens(int(port), host or HOST)):
             continue
         if fleet := started_with(name, value):
             remedy = f"for another fleet set {name} to another port"

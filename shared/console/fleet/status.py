@@ -222,8 +222,9 @@ def taken(fleet: Target, now: Look) -> Iterator[Taken]:
             yield Taken(name, port)
 
 
-def listens(port: int) -> bool:
+def listens(port: int, host: str = HOST) -> bool:
     """Whether somebody listens at this port of this machine."""
-    with socket.socket() as probe:
+    with socket.socket() as probe, suppress(OSError):  # no such host
         probe.settimeout(CONNECT_S)
-        return probe.connect_ex((HOST, port)) == 0
+        return probe.connect_ex((host, port)) == 0
+    return False

@@ -3,9 +3,11 @@ prints. And `roco page`: an address that pairs a browser with the person's page 
 """
 
 import contextlib
+import hashlib
 import http.client
 import os
 import socket
+import ssl
 import sys
 import time
 import webbrowser
@@ -18,7 +20,16 @@ import typer
 
 from companion import loopback
 from companion.loopback import HERE, answered
-from companion.run_files import HI_FILE, PAGE_FILE, HiAddress, PageAddress, Pairing, Say, TaskLine
+from companion.run_files import (
+    HI_FILE,
+    PAGE_FILE,
+    PAGE_KEYS,
+    HiAddress,
+    PageAddress,
+    Pairing,
+    Say,
+    TaskLine,
+)
 from console.errors import NO, NOTHING_RUNS, ConsoleError, NoRunError
 from console.fleet import targets
 from console.fleet.local import Local
@@ -164,10 +175,15 @@ class PageError(ConsoleError):
 
 
 class Door(msgspec.Struct, frozen=True):
-    """An address that pairs one browser, once; for how long [s]."""
+    """An address that pairs one browser, once; for how long [s]. `tablet`: the same for a browser
+    in the network, and the SHA-256 fingerprint of the certificate that it is shown; "" where the
+    page is not in the network.
+    """
 
     url: str
     within_s: float
+    tablet: str = ""
+    sha256: str = ""
 
 
 def page(
@@ -182,7 +198,9 @@ def page(
     five minutes.
 
     The browser stays paired as long as the run folder is there, over restarts of the page, too. A
-    fleet that is starting is waited for, at most 90 s.
+    fleet that is starting is waited for, at most 90 s. Of a fleet that was started for a tablet
+    (`ROCO_PAGE=192.168.1.20:8351 roco up`) the address in the network is printed, too, as a QR
+    code.
 
     Examples:
       roco page
@@ -197,8 +215,47 @@ def page(
             tell_json(found)
         else:
             print(found.url)
+            if found.tablet:
+                _invite(found)
         if opened:
             webbrowser.open(found.url)
+
+
+QUIET_ZONE = 4
+"""Light modules around the code (ISO/IEC 18004)."""
+UPPER, LOWER, BOTH = "▀▄█"
+
+
+def _invite(found: Door) -> None:
+    """Print where a tablet pairs, as a QR code, too, and how to know the page there."""
+    print(found.tablet)
+    if sys.stdout.isatty():
+        from rich.style import Style  # the page's own container has no rich, and no such address
+        from rich.text import Text
+
+        from console.terminal.console import Console
+
+        # Both colours, also where NO_COLOR is set: no terminal shows it dark for light.
+        drawn = Text(qr_code(found.tablet), Style(color="#ffffff", bgcolor="#000000"))
+        Console(no_color=False).print(drawn, soft_wrap=True)
+    print(
+        "The tablet's browser warns of a certificate that it does not know. Go on there only if it"
+        f" shows this SHA-256 fingerprint:\n{found.sha256}"
+    )
+
+
+def qr_code(text: str) -> str:
+    """A QR code in lines of half blocks: what is drawn is light, two rows of modules to a line."""
+    import segno
+
+    rows = [list(row) for row in segno.make_qr(text, error="m").matrix_iter(border=QUIET_ZONE)]
+    rows += [[0] * len(rows[0])] * (len(rows) % 2)
+    blocks = {(0, 0): BOTH, (0, 1): UPPER, (1, 0): LOWER, (1, 1): " "}
+    lines = (
+        "".join(blocks[pair] for pair in zip(above, below, strict=True))
+        for above, below in zip(rows[::2], rows[1::2], strict=True)
+    )
+    return "\n".join(lines)
 
 
 def _door_or_error(target: str, run_dir: Path | None) -> Door | ConsoleError:
@@ -228,7 +285,23 @@ def door(fleet: Target) -> Door:
         if isinstance(error, PageError):
             raise
         raise PageError(f"{fleet.where} has no page ({error}); see `roco status`") from error
-    return Door(f"http://{HERE}:{address.port}/pair#{code.code}", code.within_s)
+    url = f"http://{HERE}:{address.port}/pair#{code.code}"
+    if not address.tablet:
+        return Door(url, code.within_s)
+    tablet = f"https://{address.tablet}/pair#{code.code}"
+    return Door(url, code.within_s, tablet, _fingerprint(fleet))
+
+
+def _fingerprint(fleet: Target) -> str:
+    """Of the certificate that the page shows a tablet, as browsers and openssl print it."""
+    pem = fleet.read(PAGE.name, f"{PAGE_KEYS}/{PAGE.name}.pem").decode("ascii", errors="replace")
+    try:
+        return hashlib.sha256(ssl.PEM_cert_to_DER_cert(pem)).digest().hex(":").upper()
+    except ValueError as error:
+        raise PageError(
+            f"the page of {fleet.where} has no certificate ({error}); `roco agent restart"
+            f" {PAGE.name}` makes one"
+        ) from error
 
 
 def door_when_there(run: Path, within_s: float = LISTENS_S) -> Door | None:
