@@ -11,6 +11,7 @@ CHROMIUM = "/usr/bin/chromium"
 DESKTOP, PHONE = {"width": 1280, "height": 1330}, {"width": 360, "height": 720}
 LONG_MS = 180_000.0
 """Until a task has ended, on busy cores."""
+LARGEST_PX, USUAL_PX = 24, 16  # Chromium's largest letters, and its usual ones
 POUR = "pour the jar into the bowl"
 
 
@@ -37,10 +38,16 @@ def _taken(browser: Browser, door: str, out: Path) -> list[Path]:
     for text in (POUR, "look around", "put down the jar"):
         _say(page, text)
     page.get_by_text("carry the jar", exact=False).first.wait_for()
-    page.get_by_text("Step 3 of", exact=False).wait_for()
+    page.locator("#left:not([hidden])").wait_for()
     page.locator("#answer").evaluate("answer => answer.textContent = ''")
-    files = [out / "page.png", out / "page_phone.png"]
+    files = [out / name for name in ("page.png", "page_large_letters.png", "page_phone.png")]
     page.screenshot(path=files[0])
+    devtools = context.new_cdp_session(page)
+    for px, file in ((LARGEST_PX, files[1]), (USUAL_PX, None)):
+        fonts = {"fontSizes": {"standard": px, "fixed": px}}
+        devtools.send("Page.setFontSizes", fonts)
+        if file is not None:
+            page.screenshot(path=file)
     known = context.storage_state()
     phone = browser.new_context(
         viewport=PHONE,
@@ -53,7 +60,7 @@ def _taken(browser: Browser, door: str, out: Path) -> list[Path]:
     phone.locator("#stop").click()
     phone.locator("#release").wait_for()
     phone.locator("#picture:not([hidden])").wait_for()
-    phone.screenshot(path=files[1])
+    phone.screenshot(path=files[2])
     return files
 
 
