@@ -12,12 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent_runtime.io.worker import Link
-from companion.telemetry import Found, Picture
-from services.executor.renderer import SHRINK, Saw, See, Show, SightedObject, uncertainty
+from companion.telemetry import Camera, Found, Picture
+from services.executor.renderer import SHRINK, Drawn, Saw, See, Show, SightedObject, uncertainty
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
-from velma.eyes.lens import LENS
+from velma.eyes.lens import HEIGHT, LENS, WIDTH
 from velma.eyes.pictures import jpeg, smaller
 from velma.eyes.seeing import Eyes, Seen, eyes_of
 from velma.model.scene import Scene
@@ -59,8 +59,11 @@ class Renderer:
         self._link.send(self._sight.saw(see.number, pixels, view))
 
     def _show(self, show: Show) -> None:
-        self._shown += 1
         world = np.frombuffer(show.world)
+        if show.camera is not None:
+            self._link.send(Drawn(jpeg(self._full(show.camera, world))))
+            return
+        self._shown += 1
         clean, taken = self._camera.both(world, self._shown, self._spoiled)
         self._first_looks()
         room = self._camera.room(world)
@@ -68,6 +71,11 @@ class Renderer:
         found = scaled(self._eyes, self._eyes.markers(taken))
         self._first_looks()
         self._link.send(Picture(show.sim_time_s, jpeg(smaller(clean, SHRINK)), jpeg(room), found))
+
+    def _full(self, camera: Camera, world: Array) -> Pixels:
+        if camera is Camera.ROOM:
+            return self._camera.room(world, WIDTH, HEIGHT)
+        return self._camera.clean(world)
 
     def _first_looks(self) -> None:
         while self._link.waiting():

@@ -166,6 +166,7 @@ async def _serve(options: Options, listening: socket.socket, address: PageAddres
             if server.started and not ready.exists():
                 ready.touch()
             pulse.beat()
+            eye.watch(page.watched())
             held = stop.held if stop.here else page.heard.mode == "stopped"
             if held != page.heard.held:
                 page.hear(held=held)

@@ -11,6 +11,7 @@ from companion.languages.evidence import unchecked
 from companion.languages.facts import Kind, fact
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
 from companion.sentences import Reader, catalogue, failure, person, place, please, state, step
+from companion.telemetry import Camera
 
 # --- The words of the page, from the catalogue of its language (companion.sentences) --------------
 
@@ -40,7 +41,7 @@ def preferred(accepted: str) -> str:
 ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
 MOST_ENDED = 5
-PICTURES = PICTURE, ROOM = "picture", "room"
+PICTURES = tuple(Camera)
 """Names of the pictures: by the head camera, and of the robot in its room."""
 
 

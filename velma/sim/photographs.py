@@ -18,7 +18,7 @@ from velma.model.markers import Marker, of_scene
 from velma.model.scene import Scene, checked
 from velma.model.scene_xml import scene_xml
 from velma.sim import gl
-from velma.sim.disturbances import Disturbance, Kind, Of, Orders
+from velma.sim.disturbances import Kind, Of, Orders
 from velma.sim.disturbed_world import SpoiledPictures
 
 # --- Markers on the things of a simulated world, for pictures. They have no mass and no contact ---
@@ -147,14 +147,12 @@ class HeadCamera:
         self._place(qpos)
         return self._drawn(self._area, self._option, self._view)
 
-    def room(self, qpos: Array) -> Pixels:
-        """Return the robot in the state qpos (nq,), from a place in the room: (ROOM_HEIGHT,
-        ROOM_WIDTH, 3).
+    def room(self, qpos: Array, width: int = ROOM_WIDTH, height: int = ROOM_HEIGHT) -> Pixels:
+        """Return the robot in the state qpos (nq,), from a place in the room: (height, width, 3),
+        at most as large as the pictures of the camera.
         """
         self._place(qpos)
-        return self._drawn(
-            mujoco.MjrRect(0, 0, ROOM_WIDTH, ROOM_HEIGHT), self._from_room, self._room
-        )
+        return self._drawn(mujoco.MjrRect(0, 0, width, height), self._from_room, self._room)
 
     def _place(self, qpos: Array) -> None:
         self._data.qpos[:] = qpos
@@ -243,25 +241,29 @@ class Photographs:
         `spoiled`: what goes on in the pictures of that one.
         """
         spoiled = spoiled or self._spoiled
-        self._orders.look()
-        going_on = self._orders.going_on
-        self._move(going_on)
-        noise, clean = self._noise, self._camera.picture(qpos)
+        clean, noise, going_on = self.clean(qpos), self._noise, self._orders.going_on
         rng = np.random.default_rng([noise.seed, _PICTURE, number])
         gain = 1.0 + noise.exposure * rng.uniform(-1.0, 1.0)
         lit = spoiled.light(clean, going_on)
         return clean, spoiled.taken(disturbed(lit, noise.pixel, noise.blur, gain, rng), going_on)
 
-    def _move(self, going_on: Sequence[Disturbance]) -> None:
+    def clean(self, qpos: Array) -> Pixels:
+        """Return the picture (HEIGHT, WIDTH, 3) of a perfect camera."""
+        self._move()
+        return self._camera.picture(qpos)
+
+    def _move(self) -> None:
         """Put furniture where it was moved to: its place is none of the coordinates."""
+        self._orders.look()
         self._model.body_pos[:] = self._places
-        for one in going_on:
+        for one in self._orders.going_on:
             if one.of is Of.THING and one.kind is Kind.MOVED:
                 self._model.body(one.on).pos[:] += one.size
 
-    def room(self, qpos: Array) -> Pixels:
+    def room(self, qpos: Array, width: int = ROOM_WIDTH, height: int = ROOM_HEIGHT) -> Pixels:
         """Return the robot in the state qpos (nq,), from a place in the room."""
-        return self._camera.room(qpos)
+        self._move()
+        return self._camera.room(qpos, width, height)
 
     def close(self) -> None:
         """Free the camera."""
