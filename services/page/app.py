@@ -281,9 +281,7 @@ class Page:
         large = request.query_params.get("large", "")
         channels = [channel, *view.PICTURES, *map(_true, view.PICTURES)]
         channels += [_large(name) for name in view.PICTURES if name == large]
-        return StreamingResponse(
-            self.streams.listen(*channels), media_type="text/event-stream"
-        )
+        return StreamingResponse(self.streams.listen(*channels), media_type="text/event-stream")
 
     async def _speech(self, request: Request) -> Response:
         text, language = request.query_params.get("text", ""), _language(request)

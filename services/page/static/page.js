@@ -170,7 +170,8 @@ function describe() {
   const { src, alt } = byId(large);
   if (byId("enlarged-picture").src !== src) byId("enlarged-picture").src = src;
   if (byId("enlarged-picture").alt !== alt) byId("enlarged-picture").alt = alt;
-  set("caption", shown.please || shown.step || shown.now || "");
+  const moves = shown.active && !shown.active.asks && !shown.held;
+  set("caption", shown.please || (moves && shown.step) || shown.now || "");
 }
 
 function ages() {
@@ -193,6 +194,8 @@ function enlarge(yes) {
   ages();
   (yes ? byId("reduce") : byId(large).closest("button")).focus();
 }
+
+new ResizeObserver(() => (byId("enlarged").style.bottom = byId("stopbar").offsetHeight + "px")).observe(byId("stopbar"));
 
 function makeLarge(name) {
   large = name;
