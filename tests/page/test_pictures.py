@@ -5,7 +5,7 @@ enlarged, and say how old they are; STOP stays in reach.
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
-from queue import Queue
+from queue import Empty, Queue
 
 import cv2
 import msgspec
@@ -118,7 +118,7 @@ def no_more(ex):
     """Whether nothing is asked for as long as a word holds."""
     try:
         ex.asked.get(timeout=WATCHED_S)
-    except Exception:  # queue.Empty
+    except Empty:
         return True
     return False
 
