@@ -17,13 +17,13 @@ from services.executor.renderer import SHRINK, Drawn, Saw, See, Show, SightedObj
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
-from velma.eyes.lens import HEIGHT, LENS, WIDTH
+from velma.eyes.lens import LENS
 from velma.eyes.pictures import jpeg, smaller
 from velma.eyes.seeing import Eyes, Seen, eyes_of
 from velma.model.scene import Scene
 from velma.names import Array
 from velma.sim.disturbed_world import SpoiledPictures
-from velma.sim.photographs import Photographs
+from velma.sim.photographs import FRAME_HEIGHT, FRAME_WIDTH, Photographs
 
 Pixels = NDArray[np.uint8]
 
@@ -73,9 +73,8 @@ class Renderer:
         self._link.send(Picture(show.sim_time_s, jpeg(smaller(clean, SHRINK)), jpeg(room), found))
 
     def _full(self, camera: Camera, world: Array) -> Pixels:
-        if camera is Camera.ROOM:
-            return self._camera.room(world, WIDTH, HEIGHT)
-        return self._camera.clean(world)
+        draw = self._camera.room if camera is Camera.ROOM else self._camera.head
+        return draw(world, FRAME_WIDTH, FRAME_HEIGHT)
 
     def _first_looks(self) -> None:
         while self._link.waiting():

@@ -42,7 +42,7 @@ from velma.eyes.lens import HEIGHT, WIDTH
 from velma.eyes.pictures import smaller
 from velma.model.scene import load
 from velma.sim.mujoco_backend import MujocoBackend, compiled
-from velma.sim.photographs import HeadCamera, marked
+from velma.sim.photographs import FRAME_HEIGHT, FRAME_WIDTH, HeadCamera, marked
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(250)]
 
@@ -263,7 +263,7 @@ def test_a_frame_is_the_room_at_that_very_state_in_full_size(screen: Screen, eye
         files = {one.camera: one for one in told if one.jpeg}
         assert set(files) == {ROOM, HEAD}
         for frame, picture in (
-            (files[ROOM], camera.room(world, WIDTH, HEIGHT)),
+            (files[ROOM], camera.room(world, FRAME_WIDTH, FRAME_HEIGHT)),
             (files[HEAD], smaller(camera.picture(world), SHRINK)),
         ):
             assert np.abs(pixels(frame.jpeg) - picture).mean() < 5.0
