@@ -156,10 +156,11 @@ class Frames:
 
 # --- Pictures of the head camera, and of the robot from the room, as telemetry --------------------
 # They are made when the robot or a thing has moved, by the process that renders for the robot's
-# looks, after the looks. One picture is made at a time, at most one in PICTURE_S; states that come
-# meanwhile are skipped. Nobody waits for a picture. At rest the last one is told again. After a
-# process that ends without a first one, as it does without OpenGL, there are none. While somebody
-# watches, the process is kept: a first picture would wait for its start.
+# looks, after the looks. One picture is made at a time, at most one in PICTURE_S, and one frame,
+# which the process draws between the parts of the picture; states that come meanwhile are skipped.
+# Nobody waits for a picture. At rest the last one is told again. After a process that ends without
+# a first one, as it does without OpenGL, there are none. While somebody watches, the process is
+# kept: a first picture would wait for its start.
 
 
 AGAIN_S = 10.0
@@ -170,6 +171,21 @@ LATE_S, PAUSE_S = 60.0, 30.0
 """After LATE_S without an answer the process is replaced; then the next picture waits for PAUSE_S;
 estimates.
 """
+
+
+class Begun(msgspec.Struct, frozen=True):
+    """What is being drawn: of which state, since when by the clock of `offer`, and by this
+    process's own [s].
+    """
+
+    world: Array
+    at: float
+    began: float
+
+    @property
+    def now(self) -> float:
+        """What the clock of `offer` shows."""
+        return self.at + time.monotonic() - self.began
 
 
 class Pictures:
@@ -183,12 +199,14 @@ class Pictures:
         self.renderer = Renderer(partial(scene_of, setup), self._made, self._ended)
         self._begin = 0.0  # no picture before
         self._asked = self._told = -AGAIN_S  # when, by the monotonic clock
-        self._drawing = self._failed = False
+        self._failed = False
         self._shown: Array = np.zeros(0)
         self._last = b""
         self._kept = -math.inf  # when the process was asked to stay
-        self._camera: Camera | None = None  # of what is drawn now, or was last; None: a Picture
-        self._world, self._at, self._began = self._shown, 0.0, 0.0
+        # what is drawn now, and the frame's camera
+        self._picture: Begun | None = None
+        self._frame: Begun | None = None
+        self._camera = Camera.ROOM
 
     def offer(self, sim_time_s: float, world: Array, now: float | None = None) -> bool:
         """Start a picture or a frame of the state `world` (nq,) if one is due and no other is being
@@ -197,11 +215,11 @@ class Pictures:
         Never waits. `now`: by the monotonic clock [s].
         """
         now = time.monotonic() if now is None else now
-        if self._drawing and now > self._at + LATE_S:
+        if any(one is not None and now > one.at + LATE_S for one in (self._picture, self._frame)):
             self.renderer.again()
             self._failed = True
         if self._failed:
-            self._failed = self._drawing = False
+            self._failed, self._picture, self._frame = False, None, None
             self._begin, self._shown = now + PAUSE_S, np.zeros(0)
         watched = self._frames.watched(now)
         self._frames.look(world, now)
@@ -211,27 +229,15 @@ class Pictures:
         if watched and now > self._kept + PICTURE_S:
             self._kept = now
             self.renderer.start()
-        if self._drawing or not self._chosen(world, now):
-            return False
-        self._drawing, self._at, self._began = True, now, time.monotonic()
-        self._world = world.copy()
-        self.renderer.show(Show(sim_time_s, world.tobytes(), self._camera))
-        return True
-
-    def _chosen(self, world: Array, now: float) -> bool:
-        """Choose what is drawn next, if anything is; on a slow machine by turns."""
-        turns = (self._picture, self._frame)
-        return any(one(world, now) for one in (turns if self._camera else turns[::-1]))
-
-    def _frame(self, world: Array, now: float) -> bool:
-        camera = self._frames.due(world, now)
-        self._camera = camera or self._camera
-        return camera is not None
-
-    def _picture(self, world: Array, now: float) -> bool:
-        if not self._due(world, now):
-            return False
-        self._camera, self._asked, self._shown = None, now, world.copy()
+        begun = Begun(world.copy(), now, time.monotonic())
+        camera = self._frames.due(world, now) if self._frame is None else None
+        if camera is not None:
+            self._frame, self._camera = begun, camera
+            self.renderer.show(Show(sim_time_s, world.tobytes(), camera))
+        if self._picture is not None or not self._due(world, now):
+            return camera is not None
+        self._picture, self._asked, self._shown = begun, now, begun.world
+        self.renderer.show(Show(sim_time_s, world.tobytes()))
         return True
 
     def close(self) -> None:
@@ -252,15 +258,16 @@ class Pictures:
         self._post.publish("telemetry", self._last)
 
     def _made(self, made: Picture | Drawn) -> None:
-        now = self._at + time.monotonic() - self._began
         if isinstance(made, Drawn):
-            if self._camera is not None:
-                self._frames.take(self._camera, made.jpeg, self._world, self._at, now)
+            if (begun := self._frame) is not None:
+                self._frames.take(self._camera, made.jpeg, begun.world, begun.at, begun.now)
+            self._frame = None
         else:
             self._last = msgspec.msgpack.encode(made)
-            self._frames.take_small(made, self._world, self._at, now)
+            if (begun := self._picture) is not None:
+                self._frames.take_small(made, begun.world, begun.at, begun.now)
             self._tell(self._asked)
-        self._drawing = False
+            self._picture = None
 
     def _ended(self, reason: str) -> None:
         self._failed = True
