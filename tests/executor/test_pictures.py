@@ -250,9 +250,14 @@ def test_a_frame_is_the_room_at_that_very_state_in_full_size(screen: Screen, eye
     screen.watch(ROOM)
     now, drawn = 100.0, []
     for world in (WORLD, turned):
+        screen.watch(ROOM)
         assert eye.offer(0.0, world, now=now)  # a picture for telemetry, and a frame
         assert eventually(lambda: not (eye._picture or eye._frame))
-        now += 1.1 * PICTURE_S
+        # on a slow machine the page's word was old by then: it is told now
+        now += WITHIN_S
+        screen.watch(ROOM)
+        assert not eye.offer(0.0, world, now=now)
+        now += PICTURE_S
         said = [screen.published.get_nowait() for _ in range(screen.published.qsize())]
         drawn.append(
             [msgspec.msgpack.decode(data, type=Frame) for kind, data in said if kind == "frame"]
@@ -266,7 +271,7 @@ def test_a_frame_is_the_room_at_that_very_state_in_full_size(screen: Screen, eye
             (files[HEAD], smaller(camera.picture(world), SHRINK)),
         ):
             assert np.abs(pixels(frame.jpeg) - picture).mean() < 5.0
-            assert 0.0 < frame.age_s < WITHIN_S
+            assert 0.0 <= frame.age_s < WITHIN_S
     camera.close()
 
 
