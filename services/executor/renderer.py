@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from agent_runtime.io.inbox import OneReaderQueue
 from agent_runtime.io.worker import Worker
 from companion.languages.values import Uncertainty
-from companion.telemetry import Picture
+from companion.telemetry import Camera, Picture
 from velma.model.scene import Scene
 
 SHRINK = 2
@@ -26,11 +26,18 @@ told apart.
 
 class Show(msgspec.Struct, frozen=True, tag=True):
     """To the child: make pictures of this state, all coordinates of the world model as float64
-    bytes -> Picture.
+    bytes -> Picture; or that of one camera alone, in full size -> Drawn.
     """
 
     sim_time_s: float
     world: bytes
+    camera: Camera | None = None
+
+
+class Drawn(msgspec.Struct, frozen=True, tag=True):
+    """From the child: a picture in full size, as a JPEG file."""
+
+    jpeg: bytes
 
 
 class See(msgspec.Struct, frozen=True, tag=True):
@@ -117,7 +124,7 @@ class Renderer:
     def __init__(
         self,
         scene: Callable[[], Scene],
-        seen: Callable[[Picture], None] = lambda _: None,
+        seen: Callable[[Picture | Drawn], None] = lambda _: None,
         ended: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._scene, self._seen, self._ended = scene, seen, ended
@@ -142,7 +149,7 @@ class Renderer:
         self._asked.put(lambda: self._running().tell(show))
 
     def start(self) -> None:
-        """Have it ready for a look. Never waits."""
+        """Have it ready for a look or a picture, and stay so for REST_S. Never waits."""
         self._asked.put(self._running)
 
     def again(self) -> None:
@@ -201,14 +208,15 @@ class Renderer:
         if self._child is None:
             self._answers = answers = OneReaderQueue[Saw | str]()
 
-            def heard(word: Saw | Picture) -> None:
+            def heard(word: Saw | Picture | Drawn) -> None:
                 answers.put(word) if isinstance(word, Saw) else self._seen(word)
 
             def over(reason: str) -> None:
                 answers.put(reason)
                 self._ended(reason)
 
-            self._child = Worker(ENTRY, answers=Saw | Picture, on_message=heard, on_end=over)
+            answered = Saw | Picture | Drawn
+            self._child = Worker(ENTRY, answers=answered, on_message=heard, on_end=over)
             self._child.tell(self._scene())
         return self._child
 

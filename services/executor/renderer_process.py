@@ -2,8 +2,8 @@
 and detector.
 
 A look comes before a picture: a picture is made in parts, and what is asked for meanwhile is seen
-first. Poses are from the picture and the measured pose of the camera; the true state is used for
-the picture alone.
+first. So is a frame, which has one part. Poses are from the picture and the measured pose of the
+camera; the true state is used for the picture alone.
 """
 
 from collections.abc import Mapping
@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agent_runtime.io.worker import Link
-from companion.telemetry import Found, Picture
-from services.executor.renderer import SHRINK, Saw, See, Show, SightedObject, uncertainty
+from companion.telemetry import Camera, Found, Picture
+from services.executor.renderer import SHRINK, Drawn, Saw, See, Show, SightedObject, uncertainty
 from velma.eyes import health
 from velma.eyes.content import Content
 from velma.eyes.fit import View
@@ -23,7 +23,7 @@ from velma.eyes.seeing import Eyes, Seen, eyes_of
 from velma.model.scene import Scene
 from velma.names import Array
 from velma.sim.disturbed_world import SpoiledPictures
-from velma.sim.photographs import Photographs
+from velma.sim.photographs import FRAME_HEIGHT, FRAME_WIDTH, Photographs
 
 Pixels = NDArray[np.uint8]
 
@@ -45,7 +45,7 @@ class Renderer:
         self._shown, self._spoiled = 0, SpoiledPictures()
 
     def take(self, word: See | Show) -> None:
-        """Do what is asked for; a picture only as long as no look is."""
+        """Do what is asked for; a picture only as long as no look and no frame is."""
         if isinstance(word, See):
             self._look(word)
         else:
@@ -59,17 +59,24 @@ class Renderer:
         self._link.send(self._sight.saw(see.number, pixels, view))
 
     def _show(self, show: Show) -> None:
-        self._shown += 1
         world = np.frombuffer(show.world)
+        if show.camera is not None:
+            self._link.send(Drawn(jpeg(self._full(show.camera, world))))
+            return
+        self._shown += 1
         clean, taken = self._camera.both(world, self._shown, self._spoiled)
-        self._first_looks()
+        self._others_first()
         room = self._camera.room(world)
-        self._first_looks()
+        self._others_first()
         found = scaled(self._eyes, self._eyes.markers(taken))
-        self._first_looks()
+        self._others_first()
         self._link.send(Picture(show.sim_time_s, jpeg(smaller(clean, SHRINK)), jpeg(room), found))
 
-    def _first_looks(self) -> None:
+    def _full(self, camera: Camera, world: Array) -> Pixels:
+        draw = self._camera.room if camera is Camera.ROOM else self._camera.head
+        return draw(world, FRAME_WIDTH, FRAME_HEIGHT)
+
+    def _others_first(self) -> None:
         while self._link.waiting():
             self.take(self._link.recv(See | Show))
 

@@ -225,6 +225,7 @@ async def _serve(
             if all(server.started for server, _ in servers) and not ready.exists():
                 ready.touch()
             pulse.beat()
+            eye.watch(page.watched())
             held = stop.held if stop.here else page.heard.mode == "stopped"
             if held != page.heard.held:
                 page.hear(held=held)

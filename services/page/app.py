@@ -62,7 +62,7 @@ class Streams:
     def __init__(self) -> None:
         self._newest: dict[str, tuple[int, bytes]] = {}
         self._count = 0
-        self._listeners: dict[asyncio.Event, None] = {}
+        self._listeners: dict[asyncio.Event, tuple[str, ...]] = {}
         self._ended: set[asyncio.Event] = set()
         self.closed = False
 
@@ -74,6 +74,11 @@ class Streams:
         self._newest[channel] = (self._count, line)
         self._wake()
 
+    @property
+    def listened(self) -> frozenset[str]:
+        """The channels that somebody listens to."""
+        return frozenset(one for channels in self._listeners.values() for one in channels)
+
     def close(self) -> None:
         """End all streams with a word, so that browsers come back at once."""
         self.closed = True
@@ -82,7 +87,7 @@ class Streams:
     async def listen(self, *channels: str) -> AsyncIterator[bytes]:
         """Yield what is new, as long as somebody listens."""
         woken, told = asyncio.Event(), dict.fromkeys(channels, 0)
-        self._listeners[woken] = None
+        self._listeners[woken] = channels
         if len(self._listeners) > MOST:
             oldest = next(iter(self._listeners))
             # it ends later: of many that come at once each must end another one
@@ -91,6 +96,7 @@ class Streams:
             oldest.set()
         try:
             yield b"retry: 1000\n\n"
+            yield sse("clock", b"%d" % (1000.0 * time.time()))  # by which pictures are dated
             while not (self.closed or woken in self._ended):
                 woken.clear()
                 for channel in channels:
@@ -241,9 +247,20 @@ class Page:
                 language, "view", msgspec.json.encode(view.view(self.heard, language))
             )
 
-    def see(self, name: str, url: str) -> None:
-        """Show a picture; `name`: PICTURE or ROOM of the view, `url`: what is in it."""
-        self.streams.tell(name, name, msgspec.json.encode(url))
+    def see(self, name: str, url: str, at: float) -> None:
+        """Show a picture, that was true `at` [unix s]; `name`: one of PICTURES, `url`: what is in
+        it, "" for the same.
+        """
+        if url:
+            self.streams.tell(name, name, msgspec.json.encode(url))
+        told = msgspec.json.encode({"name": name, "at": 1000.0 * at})
+        self.streams.tell(_true(name), "true", told)
+
+    def watched(self) -> frozenset[str] | None:
+        """Names of the pictures that somebody has large; None: nobody looks."""
+        listened = self.streams.listened
+        large = frozenset(name for name in view.PICTURES if _large(name) in listened)
+        return large if listened else None
 
     async def _index(self, request: Request) -> Response:
         language = _language(request)
@@ -267,9 +284,10 @@ class Page:
     async def _events(self, request: Request) -> Response:
         language = request.query_params.get("language", "")
         channel = language if language in LANGUAGES else LANGUAGES[0]
-        return StreamingResponse(
-            self.streams.listen(channel, *view.PICTURES), media_type="text/event-stream"
-        )
+        large = request.query_params.get("large", "")
+        channels = [channel, *view.PICTURES, *map(_true, view.PICTURES)]
+        channels += [_large(name) for name in view.PICTURES if name == large]
+        return StreamingResponse(self.streams.listen(*channels), media_type="text/event-stream")
 
     async def _speech(self, request: Request) -> Response:
         text, language = request.query_params.get("text", ""), _language(request)
@@ -390,6 +408,16 @@ class Page:
             )
         code = Pairing(self._pairs.new_code(time.time()), CODE_S)
         return Response(msgspec.json.encode(code), media_type="application/json")
+
+
+def _true(name: str) -> str:
+    """The channel that tells when a picture was true."""
+    return f"{name} true"
+
+
+def _large(name: str) -> str:
+    """The channel of who has a picture large: nothing is told on it."""
+    return f"{name} large"
 
 
 def _document(name: str, language: str) -> str:

@@ -12,6 +12,7 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Side
 from companion.run_files import HiEvent, InWords, TaskLine, Wish
 from companion.sentences import Reader, catalogue, failure, person, place, please, state, step
+from companion.telemetry import Camera
 
 # --- The words of the page, from the catalogue of its language (companion.sentences) --------------
 
@@ -44,7 +45,7 @@ MOST_ENDED = 30
 """Tasks of the history (estimate: those of a day)."""
 SO_ALREADY = "so-already"
 """The row of [state] for a task that had nothing to do."""
-PICTURES = PICTURE, ROOM = "picture", "room"
+PICTURES = tuple(Camera)
 """Names of the pictures: by the head camera, and of the robot in its room."""
 
 

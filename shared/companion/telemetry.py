@@ -4,10 +4,13 @@ newest wins.
 `RobotState` goes to `DESIGN.signal_key("telemetry", owner="ex")`, `TrueState` to the key of kind
 "truth", both as msgpack, at `RATE_HZ` while anything changes and twice a second while nothing does.
 A `Picture` goes to the first key, too, at most once in `PICTURE_S`, told apart by its tag: who
-knows `RobotState` only finds fields missing. Only recorders and screens read them, no agent decides
-by them. Arrays are in the order of velma.names; poses are in the world frame (torso_base). Must not
-know: Zenoh, MuJoCo.
+knows `RobotState` only finds fields missing. A `Frame` goes to the key of kind "frame", for the
+page alone, as long as its `Watch` on the key of kind "watch" is younger than `WATCHED_S`. Only
+recorders and screens read them, no agent decides by them. Arrays are in the order of velma.names;
+poses are in the world frame (torso_base). Must not know: Zenoh, MuJoCo.
 """
+
+from enum import StrEnum
 
 import msgspec
 
@@ -16,6 +19,15 @@ from companion.languages.values import Pose, Vector
 RATE_HZ = 20.0  # estimate: smooth for eyes; about 1 kB a time
 
 PICTURE_S = 1.0  # estimate: enough to see what the robot looks at; 30 kB a time (measured)
+FRAME_S = 0.2
+"""Between two frames of a picture that somebody watches, while anything moves; at rest one says
+once in PICTURE_S that the last one is still true. Estimate: a person sees motion, and a rendering
+takes a quarter of it.
+"""
+ASK_S, WATCHED_S = 1.0, 3.5
+"""Between two words of a page in which people watch, and how long one of them holds: two may be
+lost.
+"""
 
 
 class Lateness(msgspec.Struct, frozen=True):
@@ -132,6 +144,34 @@ class Picture(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     jpeg: bytes
     room: bytes
     markers: tuple[Found, ...] = ()
+
+
+class Camera(StrEnum):
+    """Whose picture: of the camera on the robot's head, or of one in the room."""
+
+    HEAD = "picture"
+    ROOM = "room"
+
+
+class Watch(msgspec.Struct, frozen=True):
+    """From a page to ex: people look at the pictures, at those of `large` as they move.
+
+    `had`: number of the newest frame that the page has of each camera.
+    """
+
+    large: tuple[Camera, ...] = ()
+    had: dict[Camera, int] = {}
+
+
+class Frame(msgspec.Struct, frozen=True):
+    """A picture as a JPEG file, `age_s` after the state that it shows; without a file: so long ago
+    the picture of this `number` was still what the camera saw.
+    """
+
+    camera: Camera
+    number: int
+    age_s: float
+    jpeg: bytes = b""
 
 
 class _Tagged(msgspec.Struct):

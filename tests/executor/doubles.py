@@ -83,16 +83,22 @@ WITHIN_S = 120.0  # a child may have the lowest priority: on a busy machine it s
 
 
 class PostDouble:
-    """Takes what a device posts, and what it publishes for people."""
+    """Takes what a device posts, and what it publishes for people; `heard`: who takes what others
+    say to it, by kind.
+    """
 
     def __init__(self) -> None:
         self.words, self.published = Queue[Any](), Queue[tuple[str, bytes]]()
+        self.heard: dict[str, Callable[[bytes], None]] = {}
 
     def __call__(self, content: object, delay_s: float = 0.0) -> None:
         self.words.put(content)
 
-    def publish(self, kind: str, data: bytes) -> None:
+    def publish(self, kind: str, data: bytes, *peer: str) -> None:
         self.published.put((kind, data))
+
+    def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
+        self.heard[kind] = on_data
 
     def next(self) -> Any:
         """What is posted next."""

@@ -5,6 +5,7 @@ languages match.
 import base64
 import re
 import socket
+import time
 
 import msgspec
 import pytest
@@ -14,7 +15,7 @@ from companion.languages.cmd import TaskState
 from companion.languages.evidence import Claim, Evidence, Sense
 from companion.languages.hfsm import Place, Step
 from companion.run_files import InWords, TaskLine
-from companion.telemetry import Picture, RobotState
+from companion.telemetry import Camera, Frame, Picture, RobotState, Watch
 from services.page.__main__ import _listening
 from services.page.app import Streams
 from services.page.robot import RobotEye
@@ -85,21 +86,39 @@ def test_only_what_was_done_and_not_checked_is_said():
 
 
 def test_both_pictures_are_given_as_they_are():
-    """By name; an image of the page's own origin needs no request of the browser. What is no
-    telemetry is left out.
+    """By name, and when they were true; an image of the page's own origin needs no request of the
+    browser. What is no telemetry, and no frame, is left out.
     """
     pictures = []
     modes = []
     eye = RobotEye(None, lambda *picture: pictures.append(picture), modes.append)  # type: ignore[arg-type]
-    for told in (STATE, Picture(2.0, b"by the head", b"from the room"), STATE):
+    for told in (STATE, Picture(2.0, b"for recorders", b"for recorders"), STATE):
         eye._heard(msgspec.msgpack.encode(told))
-    assert [name for name, _ in pictures] == list(PICTURES)
-    files = [base64.b64decode(url.removeprefix("data:image/jpeg;base64,")) for _, url in pictures]
+    begin = time.time()
+    for camera, file in zip(Camera, (b"by the head", b"from the room"), strict=True):
+        eye._seen(msgspec.msgpack.encode(Frame(camera, 7, 0.5, file)))
+    assert [name for name, _, _ in pictures] == list(PICTURES)
+    urls = [url for _, url, _ in pictures]
+    files = [base64.b64decode(url.removeprefix("data:image/jpeg;base64,")) for url in urls]
     assert files == [b"by the head", b"from the room"]
+    assert all(begin <= at + 0.5 <= time.time() for _, _, at in pictures)
     assert modes == ["hold"]
     for data in (b"", b"\xc1", msgspec.msgpack.encode({"type": "Picture", "rgb": b""})):
         eye._heard(data)
+        eye._seen(data)
     assert (len(pictures), len(modes)) == (2, 1)
+
+
+def test_a_picture_is_still_true_only_where_it_came():
+    """A word about another one, which was lost, makes no old picture new; ex hears which ones the
+    page has.
+    """
+    pictures = []
+    eye = RobotEye(None, lambda *picture: pictures.append(picture), print)  # type: ignore[arg-type]
+    for number, file in ((7, b"a picture"), (7, b""), (8, b"")):
+        eye._seen(msgspec.msgpack.encode(Frame(Camera.ROOM, number, 0.0, file)))
+    assert [(name, bool(url)) for name, url, _ in pictures] == [("room", True), ("room", False)]
+    assert eye._wish(frozenset({"room"})) == Watch((Camera.ROOM,), {Camera.ROOM: 7})
 
 
 def test_a_slow_browser_gets_the_newest_picture_of_each_kind():

@@ -147,11 +147,14 @@ def test_the_page_has_the_matrix_of_the_design() -> None:
 
 
 def test_a_writer_with_a_reach_writes_to_no_other_peers() -> None:
-    """The page orders ta, and may put nothing else; the operator orders all."""
-    for identity, agents in (("page", {"ta"}), ("operator", set(DESIGN.agents))):
+    """The page orders ta, asks ex for frames, and may put nothing else; the operator orders all."""
+    for identity, others in (
+        ("page", {"control/page/ta", "watch/page/ex"}),
+        ("operator", {f"control/operator/{agent}" for agent in DESIGN.agents}),
+    ):
         puts = [one for one in rights(DESIGN, "s") if one.action == Action.PUT]
         mine = {one.key for one in puts if one.identity == identity}
-        assert mine == {f"roco/s/_/control/{identity}/{agent}" for agent in agents}
+        assert mine == {f"roco/s/_/{key}" for key in others}
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ def allowed(design: Design, identity: str, action: str, key: str) -> bool:
     kind, owner, *peer = rest
     signal: Signal = design.signals[kind]
     addressed = peer if "{peer}" in signal.key else []
-    if owner in design.agents and addressed:
+    if owner in design.agents and addressed and addressed[0] in design.agents:
         return False  # also by their own links
     named = [other for writer, other in signal.reach if writer == owner]
     reached = named or (design.peers(owner) if owner in design.agents else tuple(design.agents))

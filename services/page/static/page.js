@@ -15,14 +15,19 @@ const upper = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 let source = null;
 let beat = 0;
 let shown = {};
+let large = "room"; // the picture that is large, and new several times a second while the robot moves
+const trueAt = {}; // when a picture was true [ms of the page's clock]
+let ahead = 0; // the page's clock of this one
 
 function listen() {
   if (source) source.close();
-  source = new EventSource("/events?language=" + words.language);
+  source = new EventSource("/events?" + new URLSearchParams({ language: words.language, large }));
   for (const name of ["view", "picture", "room", "beat", "bye"]) source.addEventListener(name, () => (beat = Date.now()));
   source.addEventListener("view", (event) => show(JSON.parse(event.data)));
   source.addEventListener("picture", (event) => picture("picture", JSON.parse(event.data)));
   source.addEventListener("room", (event) => picture("room", JSON.parse(event.data)));
+  source.addEventListener("clock", (event) => (ahead = Number(event.data) - Date.now()));
+  source.addEventListener("true", (event) => { const { name, at } = JSON.parse(event.data); trueAt[name] = at; ages(); });
   source.onopen = () => { beat = Date.now(); lost(false); };
   source.onerror = async () => {
     lost(true);
@@ -210,10 +215,13 @@ function thing(one) {
   return group;
 }
 
+const OLD_MS = 1500; // of a picture; while the robot moves the next one comes sooner
+const figures = [...document.querySelectorAll("figure[data-of]")];
+
 function picture(name, data) {
   const place = byId(name);
   place.src = data;
-  place.hidden = place.parentNode.hidden = false;
+  place.hidden = place.closest("figure").hidden = false;
   if (name === "picture") byId("no-picture").hidden = true;
   describe();
 }
@@ -221,7 +229,53 @@ function picture(name, data) {
 function describe() {
   const text = fill(words.picture_text, shown.step || shown.now || "").trim();
   if (byId("picture").alt !== text) byId("picture").alt = text;
+  if (byId("enlarged").hidden) return;
+  const { src, alt } = byId(large);
+  if (byId("enlarged-picture").src !== src) byId("enlarged-picture").src = src;
+  if (byId("enlarged-picture").alt !== alt) byId("enlarged-picture").alt = alt;
+  const moves = shown.active && !shown.active.asks && !shown.held;
+  set("caption", shown.please || (moves && shown.step) || shown.now || "");
 }
+
+function ages() {
+  for (const place of document.querySelectorAll(".age")) {
+    const ms = Date.now() + ahead - trueAt[place.parentNode.dataset.of || large];
+    const s = Math.round(ms / 1000);
+    const text = ms > OLD_MS ? (s < 120 ? fill(words.ago_s, s) : fill(words.ago_min, Math.floor(s / 60))) : "";
+    if (place.textContent !== text) place.textContent = text;
+    place.hidden = !text;
+  }
+}
+setInterval(ages, 500);
+
+// The page behind an enlarged picture is out of reach, STOP is not; Escape is STOP here, too, so it does not close it.
+function enlarge(yes) {
+  for (const part of [document.querySelector("header"), byId("main")]) part.inert = yes;
+  document.body.classList.toggle("is-enlarged", yes);
+  byId("enlarged").hidden = !yes;
+  describe();
+  ages();
+  (yes ? byId("reduce") : byId(large).closest("button")).focus();
+}
+
+new ResizeObserver(() => (byId("enlarged").style.bottom = byId("stopbar").offsetHeight + "px")).observe(byId("stopbar"));
+
+function makeLarge(name) {
+  large = name;
+  for (const figure of figures) {
+    const is = figure.dataset.of === large;
+    figure.classList.toggle("large", is);
+    figure.querySelector(".tag").textContent = is ? words.enlarge : words.show_large;
+  }
+  listen();
+}
+
+for (const figure of figures)
+  figure.querySelector("button").addEventListener("click", () => {
+    if (figure.dataset.of === large) enlarge(true);
+    else makeLarge(figure.dataset.of);
+  });
+for (const id of ["reduce", "enlarged-picture"]) byId(id).addEventListener("click", () => enlarge(false));
 
 // --- what a person does --------------------------------------------------------------------------------------------------
 

@@ -15,9 +15,14 @@ class Post(Protocol):
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
         """Hand a Struct to the agent as Local, after `delay_s`."""
 
-    def publish(self, kind: str, data: bytes) -> None:
-        """Put something on the agent's key of this kind (`telemetry`, `truth`); dropped where it
-        would have to wait.
+    def publish(self, kind: str, data: bytes, *peer: str) -> None:
+        """Put something on the agent's key of this kind (`telemetry`, `truth`), or on the one for
+        `peer`; dropped where it would have to wait.
+        """
+
+    def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
+        """Have `on_data` called with what others put on their keys of this kind for the agent, on
+        any thread; it must only keep it.
         """
 
 

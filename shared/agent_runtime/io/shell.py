@@ -82,8 +82,11 @@ class DevicePort:
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
         self._lock.post(Posted(content, clock.now() + delay_s if delay_s > 0.0 else 0.0))
 
-    def publish(self, kind: str, data: bytes) -> None:
-        self._wire.publish(kind, data)
+    def publish(self, kind: str, data: bytes, *peer: str) -> None:
+        self._wire.publish(kind, data, *peer)
+
+    def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
+        self._wire.hear(kind, on_data)
 
 
 # --- Sums of what one agent was told too much of, and that the disk has its share: said in its log,

@@ -95,12 +95,24 @@ class Tap:
 
 
 class Ear:
-    """The open subscription to one key, of who has the right to no more."""
+    """The open subscriptions to single keys, of who has the right to no more."""
 
     def __init__(self, session: zenoh.Session, key: str, on_data: Callable[[bytes], None]) -> None:
         """`on_data` gets what is put, from Zenoh's threads."""
         self._session = session
-        self._declared = session.declare_subscriber(
+        self._declared = [self._heard(key, on_data)]
+
+    def hear(self, key: str, on_data: Callable[[bytes], None]) -> None:
+        """Hear another key, too."""
+        self._declared.append(self._heard(key, on_data))
+
+    def put(self, key: str, data: bytes) -> None:
+        """Say something, where the router is reached."""
+        if not self._session.is_closed():
+            put(self._session, key, data)
+
+    def _heard(self, key: str, on_data: Callable[[bytes], None]) -> zenoh.Subscriber[None]:
+        return self._session.declare_subscriber(
             key, lambda sample: on_data(sample.payload.to_bytes())
         )
 

@@ -7,7 +7,8 @@ router, and orders come from there. A process that speaks for a group of the des
 the router.
 """
 
-from collections.abc import Collection, Mapping
+import threading
+from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -177,6 +178,9 @@ class ZenohWire:
         self._tools: zenoh.Session | None = None
         self._orders: list[Any] = []
         self._declared: list[Any] = []
+        # What devices hear. They ask for it on the shell's thread; `join` may come on another one.
+        self._joined = threading.Lock()
+        self._hears: dict[str, Callable[[bytes], None]] = {}
         self.link(session)
 
     def link(self, session: zenoh.Session) -> None:
@@ -216,8 +220,10 @@ class ZenohWire:
     def join(self, session: zenoh.Session) -> None:
         """Take orders in a session at the router, and say there what is for tools."""
         system, me = self._wiring.system, self._wiring.agent
-        self._tools = session  # before a recorder can ask for the log
-        self._orders = [
+        with self._joined:
+            self._tools = session  # before a recorder can ask for the log
+            self._orders = [self._ear(session, *one) for one in self._hears.items()]
+        self._orders += [
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             session.declare_subscriber(service_key(system, LOG_WANTED, "*", me), self._on_wanted),
             session.liveliness().declare_token(self._life),
@@ -227,6 +233,19 @@ class ZenohWire:
                 for one in self._heard(session, {group}, group)
             ),
         ]
+
+    def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
+        """Hand on what is put at the router on keys of this kind for this agent; on Zenoh's
+        threads.
+        """
+        with self._joined:
+            self._hears[kind] = on_data
+            if self._tools is not None:
+                self._orders.append(self._ear(self._tools, kind, on_data))
+
+    def _ear(self, session: zenoh.Session, kind: str, on_data: Callable[[bytes], None]) -> Any:
+        key = service_key(self._wiring.system, kind, "*", self._wiring.agent)
+        return session.declare_subscriber(key, lambda sample: on_data(sample.payload.to_bytes()))
 
     @property
     def at_router(self) -> bool:
@@ -287,9 +306,9 @@ class ZenohWire:
         key = service_key(self._wiring.system, "pong" if pong else "ping", self._wiring.agent, peer)
         self._put(peer, key, channel, _SECOND)
 
-    def publish(self, kind: str, data: bytes) -> None:
+    def publish(self, kind: str, data: bytes, *peer: str) -> None:
         """Put something for people: dropped where it would have to wait. Raises TooLongError."""
-        key, tools = service_key(self._wiring.system, kind, self._wiring.agent), self._tools
+        key, tools = service_key(self._wiring.system, kind, self._wiring.agent, *peer), self._tools
         if tools is not None and not tools.is_closed():
             # More than about 1 MB/s of it must not be put: if the cable is cut under 3 MB/s, such a
             # put never returns (eclipse-zenoh 1.10.2, with any size of the socket's buffer). 0.6

@@ -108,8 +108,11 @@ class _DevicePort:
     def __call__(self, content: Any, delay_s: float = 0.0) -> None:
         self._wires.posted.put((self._agent, self._boot, content, delay_s))
 
-    def publish(self, kind: str, data: bytes) -> None:
+    def publish(self, kind: str, data: bytes, *peer: str) -> None:
         self._wires.published[self._agent, kind] = data
+
+    def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
+        """Nobody beside the agents says anything here."""
 
 
 class MemoryBus:
