@@ -224,8 +224,8 @@ class HttpApp:
             within_s = said.within_s or times.seconds_left(meaning.when, minute_of_day)
             later_s = said.later_s or times.seconds_until(meaning.when, minute_of_day)
             held, when = self._robot.held, (urgency, within_s, later_s)
-            who = said.instead, said.asker, now, east
-            self._post(Sentence(ticket, text, meaning, held, *when, *who, careful=said.careful))
+            word = Sentence(ticket, text, meaning, held, *when, said.instead, said.asker, now, east)
+            self._post(replace(word, careful=said.careful))
             return await self._answer(ticket)
 
     async def _stop(self, request: Request) -> msgspec.Struct:
