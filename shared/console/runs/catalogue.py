@@ -10,6 +10,7 @@ import re
 import shutil
 import socket
 import time
+from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from datetime import datetime
@@ -34,18 +35,32 @@ UP, SUCCESS, FAILED, ENDED, UNKNOWN = "up", "success", "failed", "ended", "unkno
 COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
 BLOCK = 512
 """Bytes of a unit of st_blocks (man 2 stat)."""
+ENDS = ("done", "failed", "cancelled", "refused", "not ended")
+"""What may become of a task, in the order in which it is told."""
 ANSWER_S = 0.5
 In = Annotated[Path, option("The folder that the runs are in.", "--in", file_okay=False)]
 
 
 class Task(msgspec.Struct, frozen=True):
     """A task of a run, as its report has it: what was `asked` for, and whether it was done;
-    `failure`: why not.
+    `failure`: why not; `outcome`: what the system itself said of its end, "" if it did not end.
     """
 
     asked: str
     success: bool
     failure: str | None = None
+    outcome: str = "failed"
+
+    @property
+    def became(self) -> str:
+        """One of ENDS. What was not done failed, whatever was said of it, unless a person or the
+        system had it not done.
+        """
+        if self.success:
+            return "done"
+        if not self.outcome:
+            return "not ended"
+        return self.outcome if self.outcome in ("cancelled", "refused") else "failed"
 
 
 class Run(msgspec.Struct, frozen=True):
@@ -107,8 +122,9 @@ def runs(
     """List the runs that were kept: begin, duration, size on disk, system, result.
 
     A run `failed` if its report says so, if a process of it was given up, or if its processes died
-    without an end in order; `ended` has a system without a verdict of its own. Below the result are
-    the tasks, each judged at its own end. Exits with 3 where there is no run.
+    without an end in order; `ended` has a system without a verdict of its own. Below the result
+    it is counted how many tasks came to which end; then come the tasks, each judged at its own
+    end. Exits with 3 where there is no run.
 
     Names and rules given together narrow each other: a run is listed if all of them fit. --keep
     counts all runs, those that are up, too. With --remove what would be listed is removed instead,
@@ -216,6 +232,8 @@ def _show(found: list[Run], console: Console) -> None:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
         words = f"{one.result}: {one.why}" if one.why else one.result
         result = Text(words, COLOURS.get(one.result, ""))
+        if one.tasks:
+            result.append(f"\n{counted(one.tasks)}", "not bold default")
         for task in one.tasks:
             came = "done" if task.success else task.failure
             style = "not bold default" if task.success else COLOURS[FAILED]
@@ -225,6 +243,12 @@ def _show(found: list[Run], console: Console) -> None:
         drawn.add_row(named, begin, *sizes, one.system, result)
     console.print(drawn)
     console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
+
+
+def counted(tasks: Iterable[Task]) -> str:
+    """How many tasks came to which end: 7 done, 2 failed."""
+    ends = Counter(one.became for one in tasks)
+    return ", ".join(f"{ends[end]} {end}" for end in ENDS if ends[end])
 
 
 def words_of(found: list[Run]) -> str:

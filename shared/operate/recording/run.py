@@ -210,11 +210,11 @@ def people(trace: Trace, system: System) -> tuple[Span, ...]:
 
 def _of_task(run: Run, span: Span) -> Why:
     more = run.system.addition("why")
-    own = [] if more is None else more(run, span)
+    sentence, own = ("", ()) if more is None else more(run, span)
     passages = [ending(run.trace, span), *own, absent(run.trace, span)]
     what, took, last = span.text or span.protocol, span.end - span.start, span.last
     content = f": {content_text(last)}" if content_text(last) else ""
     ended = f"ended after {took:.1f} s with {last.performative}{content}"
     text = f"{what}: {ended if span.ended else f'open for {took:.1f} s'}"
     found = tuple(one for one in passages if one is not None and one.facts)
-    return Why(span.id, text, run.trace.begin, found)
+    return Why(span.id, text, run.trace.begin, found, sentence)

@@ -73,7 +73,7 @@ def test_a_stop_elsewhere_holds_the_robots_of_all_fleets(words, tmp_path):
         command, env=environment, capture_output=True, text=True, check=False, timeout=100
     )
     nobody, *stopped, states = done.stdout.splitlines()
-    assert nobody.startswith("3||roco: no run at runs/latest; start one with `roco up`"), done
+    assert nobody.startswith("3||roco: nothing was stopped: no fleet of yours runs on this"), done
     assert states == "['held', 'held']"
     told = "\n".join(stopped)
     assert told.startswith("0|stopped: the loop holds the robot until `roco release --target "), (
