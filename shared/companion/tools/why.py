@@ -41,7 +41,7 @@ def of_task(run: Run, task: Span) -> tuple[str, tuple[Passage, ...]]:
     """What became of a task of a person; and how it waited and was switched, its plans, and how
     they went.
     """
-    history, mark = run.history, f"{task.conversation}-plan"
+    history, mark = run.talk, f"{task.conversation}-plan"
     plans = [one for one in made(history) if one.network.startswith(mark)]
     runs = [one for one in ran(history) if one.plan.startswith(mark)]
     return _became(history, task), (
@@ -310,7 +310,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     thing.
     """
     at = run.trace.begin + since
-    to_km = (one for one in run.history.said if one.receiver == AgentName.KM)
+    to_km = (one for one in run.talk.said if one.receiver == AgentName.KM)
     said = [one for one in to_km if abs(one.received - at) < 0.001]
     of_thing = (one for one in said if _tells(one, thing))
     about = [one for one in of_thing if isinstance(one.content, wm.FeltContent) is content] or said
@@ -343,9 +343,7 @@ def _tells(one: Spoken, thing: str) -> bool:
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
-    to_km = (
-        one for one in run.history.said if one.receiver == AgentName.KM and one.received <= until
-    )
+    to_km = (one for one in run.talk.said if one.receiver == AgentName.KM and one.received <= until)
     said = [one for one in to_km if _tells(one, thing)]
     if not said:
         return []

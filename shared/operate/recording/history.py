@@ -22,6 +22,7 @@ from operate.recording import ends
 from operate.recording.ends import HeardReceipt, Hearing, receipts
 from operate.recording.records import (
     FAULT,
+    HEARTBEAT,
     SETTING,
     Garbage,
     House,
@@ -35,6 +36,9 @@ from operate.recording.records import (
 )
 from operate.system import System
 from operate.verdict_lines import Judged
+
+NO_SIGNALS = (HEARTBEAT, ends.RECEIPT, SETTING, FAULT)
+"""Kinds of samples that tell of agents and of what they say, as every system has them."""
 
 T = TypeVar("T")
 _received = attrgetter("received")
@@ -159,7 +163,7 @@ def of_records(
         copies=copies,
         receipts=tuple(receipts(houses)),
         hearing=ends.of(records),
-        told=tuple(_decoded(houses, system.addition("telemetry") or {})),
+        told=tuple(_decoded(houses, system)),
         entered=tuple(_entered(records)),
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
@@ -205,10 +209,12 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
     return tuple(said), tuple(copies)
 
 
-def _decoded(
-    houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]
-) -> Iterator[tuple[float, Any]]:
-    for house in houses:
+def _decoded(houses: list[House], system: System) -> Iterator[tuple[float, Any]]:
+    signals = [house for house in houses if house.kind not in NO_SIGNALS]
+    if not signals:
+        return  # what reads them may be slow to import
+    decoders: Mapping[str, Callable[[bytes], Any]] = system.addition("telemetry") or {}
+    for house in signals:
         decode = decoders.get(house.kind)
         if decode is not None:
             with suppress(*UNREADABLE):

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 
 from companion.tools.system import SYSTEM
 from console.__main__ import app
-from operate.recording import mcap_file
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.contents import contents
 from operate.recording.index import stored
 from operate.recording.mcap_file import Recording, read
@@ -82,7 +82,7 @@ def test_other_tools_count_what_was_recorded(pouring: Run, tmp_path: Path) -> No
     """This holds for a recorder that ends in order, also for one that went on in the file of
     another.
     """
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     for samples in (pouring.samples[:300], pouring.samples[300:400]):
         recorder = Recorder(tmp_path, SYSTEM)
         for sample in samples:
@@ -103,7 +103,7 @@ def test_a_recording_that_was_not_closed_is_repaired(
     """Nothing that could be read is lost; it says that it was repaired, and what was torn off is
     kept beside.
     """
-    path, other = tmp_path / "a" / mcap_file.FILE, tmp_path / mcap_file.FILE
+    path, other = tmp_path / "a" / TRAFFIC_FILE, tmp_path / TRAFFIC_FILE
     recording = Recording(path)
     for record in records:
         recording.add(record)
@@ -149,7 +149,7 @@ def older(path: Path) -> None:
 @pytest.mark.process
 def test_a_recording_of_an_older_version_is_repaired(tmp_path: Path) -> None:
     """It was closed in order, without chunks: Rerun read nothing from it, and said nothing."""
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     older(path)
     before = read(path)
     assert by_rerun(path) == 0
@@ -160,7 +160,7 @@ def test_a_recording_of_an_older_version_is_repaired(tmp_path: Path) -> None:
 
 def test_a_recording_that_goes_on_is_left_alone(records: list[Record], tmp_path: Path) -> None:
     """Else what its recorder hears from then on would go to a file that has no name any more."""
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     recording = Recording(path)
     recording.add(records[0])
     recording.flush()
@@ -185,7 +185,7 @@ def test_where_there_is_no_room_for_the_index_the_recording_stays(
     records: list[Record], tmp_path: Path
 ) -> None:
     """It is whole, and says why it has no index."""
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     recording = Recording(path)
     for record in records:
         recording.add(record)

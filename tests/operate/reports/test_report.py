@@ -16,6 +16,7 @@ from companion.telemetry import Picture
 from companion.tools.report import page, plans, report
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Origin, Record, Spoken, understood
@@ -148,7 +149,7 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     hole.
     """
     record(pouring.samples, tmp_path)
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     whole = mcap_file.read(path)
     assert whole.whole
     assert list(whole.records) == records(pouring.samples)
