@@ -75,7 +75,9 @@ class Clock:
 
     def sim(self, wall: float) -> float | None:
         """Simulated time at `wall`; None where nothing says."""
-        if not len(self._wall) or np.abs(self._wall - wall).min() > LOOSE_S:
+        behind = int(np.searchsorted(self._wall, wall))
+        near = self._wall[max(0, behind - 1) : behind + 1]
+        if not len(near) or np.abs(near - wall).min() > LOOSE_S:
             return None
         return float(np.interp(wall, self._wall, self._sim))
 

@@ -36,16 +36,21 @@ def report(
         Path | None,
         option("Where its files go; else a run's own folder, of a recording nowhere.", "--out"),
     ] = None,
+    again: Annotated[
+        bool,
+        option("Draw report.html and run.rrd anew, also where they are up to date.", "--again"),
+    ] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Make the report of a run again from its recording, and show it. Exits with 1 where the run
     was no success.
 
-    Of a run's folder report.json, report.html and run.rrd are made anew; of a single recording only
-    with --out.
+    Of a run's folder report.json is made anew, and so are report.html and run.rrd where they are
+    older than the recording; of a single recording only with --out.
 
     Examples:
       roco report runs/latest
+      roco report runs/latest --again
       roco report traffic.mcap --out again
       roco report runs/latest/traffic.mcap --format json
     """
@@ -63,7 +68,7 @@ def report(
     folder = _target(recording, out)
     if folder is not None:
         made = run if folder == recording else Run(folder, run.system)
-        if not everything(made, complain):
+        if not everything(made, complain, again=again):
             raise ConsoleError(complaints[-1])
     told = of(run.history, run.system)
     shown = measures.shown(told, measures.of(run.system))

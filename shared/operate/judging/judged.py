@@ -133,9 +133,13 @@ def of_records(
     records: Iterable[Record], system: System, *, words: bool = True
 ) -> tuple[Judged, ...]:
     """All verdicts about a recording, in the order of time; with contents in a few `words`."""
-    judging = Judging(system, words=words)
-    found = [one for record in records for one in judging.lines(record)]
-    return tuple(sorted((*found, *judging.finish()), key=lambda one: one.t))
+    judging, last, found = Judging(system, words=words), 0.0, list[Judged]()
+    for record in records:
+        last = max(last, record.received)
+        # a signal tells only that time passes, as the next communicate does
+        if not isinstance(record, House) or record.kind == SETTING:
+            found += judging.lines(record)
+    return tuple(sorted((*found, *judging.finish(last)), key=lambda one: one.t))
 
 
 def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:

@@ -128,7 +128,7 @@ def _exactly(file: IO[bytes], length: int) -> bytes:
 
 def inside(chunk: Chunk, unwanted: Container[int] = ()) -> list[McapRecord]:
     """Return the records in a chunk. Raise one of TORN."""
-    data, at, found = _unpacked(chunk), 0, list[McapRecord]()
+    data, at, found = memoryview(_unpacked(chunk)), 0, list[McapRecord]()
     while at < len(data):
         opcode, length = RECORD.unpack_from(data, at)
         begin, at = at + RECORD.size, at + RECORD.size + length
@@ -138,14 +138,14 @@ def inside(chunk: Chunk, unwanted: Container[int] = ()) -> list[McapRecord]:
     return found
 
 
-def _of(opcode: int, data: bytes, unwanted: Container[int]) -> Iterator[McapRecord]:
-    """Yield the record of this kind, if it is one that is read."""
+def _of(opcode: int, data: bytes | memoryview, unwanted: Container[int]) -> tuple[McapRecord, ...]:
+    """The record of this kind, if it is one that is read."""
     if opcode == Opcode.MESSAGE:
         channel, number, logged, published = MESSAGE.unpack_from(data)
-        if channel not in unwanted:
-            yield Message(channel, logged, data[MESSAGE.size :], published, number)
-    elif opcode in READ:
-        yield READ[opcode].read(ReadDataStream(io.BytesIO(data)))
+        if channel in unwanted:
+            return ()
+        return (Message(channel, logged, bytes(data[MESSAGE.size :]), published, number),)
+    return (READ[opcode].read(ReadDataStream(io.BytesIO(data))),) if opcode in READ else ()
 
 
 def _unpacked(chunk: Chunk) -> bytes:

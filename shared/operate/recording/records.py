@@ -249,8 +249,12 @@ def spoken(
     received: float,
     system: System,
     origin: Origin = Origin.RECEIVER,
+    *,
+    words: bool = True,
 ) -> Spoken:
-    """The record of a communicate that the design knows. Raise LookupError for another one."""
+    """The record of a communicate that the design knows, with its content in a few `words`. Raise
+    LookupError for another one.
+    """
     content = read_content(communicate, system.languages)
     one = communicate
     told = Spoken(
@@ -267,7 +271,7 @@ def spoken(
         received=received,
         wire=wire,
         origin=origin,
-        text=system.words(content[0]),
+        text=system.words(content[0]) if words else "",
     ).read_in(system.languages)
     # what was decoded is not decoded again
     told.__dict__.update(communicate=communicate, _read=content)

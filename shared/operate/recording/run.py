@@ -62,8 +62,10 @@ class Run:
         """The records in the order of time, and whether the recorder ended in order."""
         return self._read(lambda topic: True)
 
-    def _read(self, wanted: Callable[[str], bool]) -> Read:
-        """Read what is on these topics, and what the agents' logs have."""
+    def _read(self, wanted: Callable[[str], bool], *, words: bool = True) -> Read:
+        """Read what is on these topics, and what the agents' logs have, with contents in a few
+        `words`.
+        """
         logged = self.place.is_dir() and any((self.place / STEPS).glob(f"*.{STEPS}"))
         with _at(f"reading {self.place}"):
             found = mcap_file.read(
@@ -73,7 +75,7 @@ class Run:
             )
             records = found.records
             if logged:
-                ends = Ends(self.place, self.system)
+                ends = Ends(self.place, self.system, words=words)
                 for one in records:
                     if isinstance(one, House) and one.kind == HEARTBEAT:
                         ends.lived(one.owner, one.received)
@@ -112,15 +114,18 @@ class Run:
 
     @property
     def talk_records(self) -> tuple[Record, ...]:
-        """The records that `talk` is made of, or all."""
+        """The records that `talk` is made of, or all. Their contents may not be in words."""
         return self.records if "recorded" in self.__dict__ else self._talk.records
 
     @cached_property
     def _talk(self) -> Read:
-        return self._read(_is_talk)
+        return self._read(_is_talk, words=False)
 
     def _history(self, read: Read, verdicts: tuple[Judged, ...]) -> History:
-        past = history.of_records(read.records, self.system, whole=read.whole, verdicts=verdicts)
+        with _at("putting the history together"):
+            past = history.of_records(
+                read.records, self.system, whole=read.whole, verdicts=verdicts
+            )
         if not self.place.is_dir():
             return past
         later = FaultFile(self.place).new()  # written while no recorder lived
