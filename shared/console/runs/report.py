@@ -16,7 +16,7 @@ from console import completion
 from console.errors import ConsoleError, UsageError
 from console.output import Form, Format, argument, option, tell, tell_json
 from console.terminal.console import Console, table
-from operate.file_names import TRAFFIC_FILE
+from operate.file_names import REPORT_FILE, RRD_FILE, TRAFFIC_FILE
 
 if TYPE_CHECKING:
     from operate.experiments.comparing import Compared, Comparison, Diverged
@@ -56,7 +56,7 @@ def report(
     """
     from operate.experiments import measures
     from operate.recording.run import Run, opened
-    from operate.reports.make import everything
+    from operate.reports.make import PAGE_FILE, current, everything
     from operate.reports.report import of
 
     run, complaints = opened(recording), list[str]()
@@ -65,14 +65,15 @@ def report(
         if fields.get("level") == "error":
             complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
 
-    folder = _target(recording, out)
+    folder, drawn = _target(recording, out), (PAGE_FILE, RRD_FILE)
     if folder is not None:
         made = run if folder == recording else Run(folder, run.system)
+        drawn = tuple(name for name in drawn if again or not current(made, name))
         if not everything(made, complain, again=again):
             raise ConsoleError(complaints[-1])
     told = of(run.history, run.system)
     shown = measures.shown(told, measures.of(run.system))
-    tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console()))
+    tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console(), drawn))
     if getattr(told, "success", None) is False:
         raise typer.Exit(1)
 
@@ -94,11 +95,16 @@ def _target(place: Path, out: Path | None) -> Path | None:
 
 
 def show(
-    told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, console: Console
+    told: dict[str, Any],
+    shown: "tuple[Shown, ...]",
+    folder: Path | None,
+    console: Console,
+    drawn: tuple[str, ...],
 ) -> None:
     """Print for people: the verdict, the figures, what happened when, who told whom.
 
-    `shown`: the figures that the system has beyond the traffic.
+    `shown`: the figures that the system has beyond the traffic; `drawn`: the files that were made
+    in the folder besides report.json.
     """
     console.print(headline(told), highlight=False)
     for part in (figures(told, shown), *([events(told)] if "events" in told else []), matrix(told)):
@@ -109,8 +115,9 @@ def show(
     for name in told.get("missing", ()):
         console.print(f"no {name}", style="dim", highlight=False)
     if folder is not None:
-        files = f"{folder}/report.json, report.html, run.rrd"
-        console.print(f"\nwritten: {files}", highlight=False, soft_wrap=True)
+        files = ", ".join((f"{folder}/{REPORT_FILE}", *drawn))
+        rest = "" if drawn else "; page and pictures are up to date, --again draws them anew"
+        console.print(f"\nwritten: {files}{rest}", highlight=False, soft_wrap=True)
 
 
 def headline(told: dict[str, Any]) -> str:
