@@ -109,7 +109,7 @@ def _left() -> Path:
         return folders.find(None)
     except NoRunError as error:
         if elsewhere := " or ".join(map(str, run_folders())):
-            words = f"no fleet runs here; elsewhere one does: --target {elsewhere}"
+            words = f"no fleet runs here; yours run elsewhere: --target {elsewhere}"
             raise NoRunError(error.where, words) from error
         raise
 

@@ -35,6 +35,9 @@ UP, SUCCESS, FAILED, ENDED, UNKNOWN = "up", "success", "failed", "ended", "unkno
 COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
 BLOCK = 512
 """Bytes of a unit of st_blocks (man 2 stat)."""
+HEADS = ("run", "begin", "took", "on disk", "system", "result")
+WIDE = 120
+"""Columns that all of it needs, with 40 for the result (counted)."""
 ENDS = ("done", "failed", "cancelled", "refused", "not ended")
 """What may become of a task, in the order in which it is told."""
 ANSWER_S = 0.5
@@ -225,8 +228,11 @@ def size(folder: Path) -> int:
 
 
 def _show(found: list[Run], console: Console) -> None:
-    """Print the runs, a line for each."""
-    heads = ("run", "begin", "took", "on disk", "system", "result")
+    """Print the runs, a line for each. In a narrow terminal the result takes the room of the begin,
+    which most names tell, and of the system.
+    """
+    narrow = console.width < WIDE
+    heads = [one for one in HEADS if not (narrow and one in ("begin", "system"))]
     drawn = table(heads, right=("took", "on disk"), fold=("result",))
     for one in found:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
@@ -239,8 +245,8 @@ def _show(found: list[Run], console: Console) -> None:
             style = "not bold default" if task.success else COLOURS[FAILED]
             result.append(f"\n  {task.asked}: {came}", style)
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
-        sizes = (span(one.duration_s), bytes_in_words(one.bytes))
-        drawn.add_row(named, begin, *sizes, one.system, result)
+        cells = (named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result)
+        drawn.add_row(*(cell for name, cell in zip(HEADS, cells, strict=True) if name in heads))
     console.print(drawn)
     console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
 

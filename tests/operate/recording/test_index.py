@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.records import Channel, Footer, Message, Schema
+from mcap.records import Channel, Footer, Header, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import IndexType, Writer
 from synthetic import Run
 from typer.testing import CliRunner
@@ -19,13 +20,14 @@ from console.__main__ import app
 from operate.file_names import TRAFFIC_FILE
 from operate.recording.contents import contents
 from operate.recording.index import stored
-from operate.recording.mcap_file import Recording, read
+from operate.recording.mcap_file import Recording, read, topic
 from operate.recording.recorder import Recorder
 from operate.recording.records import Record, understood
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7" / "traffic.mcap"
 RERUN = (sys.executable, "-m", "rerun")
 DEADLINE_S = 60.0
+KINDS = (Channel, Footer, Header, Message, Metadata, Schema)
 
 
 @pytest.fixture(scope="module")
@@ -144,6 +146,29 @@ def older(path: Path) -> None:
                 case Footer():
                     break
     writer.finish()
+
+
+@pytest.mark.parametrize("topics", [{"communicates/C4", "tokens"}, {"house/state"}, set[str]()])
+def test_topics_that_are_wanted_are_read_alone(topics: set[str], tmp_path: Path) -> None:
+    """In their order, also of files that were joined, whose channels have other numbers."""
+    other = Recording(tmp_path / "other.mcap")
+    for record in reversed(read(POUR, SYSTEM).records):
+        other.add(record)
+    other.finish()
+    both = tmp_path / "both.mcap"
+    both.write_bytes(POUR.read_bytes() + (tmp_path / "other.mcap").read_bytes())
+    every, some = (read(both, SYSTEM, wanted) for wanted in (lambda _: True, topics.__contains__))
+    assert some.records == tuple(one for one in every.records if topic(one) in topics)
+    assert some.whole is every.whole is True
+
+
+def test_records_are_read_as_the_library_reads_them(tmp_path: Path) -> None:
+    """In chunks and without; of what only repeats others nothing is read."""
+    older(tmp_path / "older.mcap")
+    for path in (POUR, tmp_path / "older.mcap"):
+        with path.open("rb") as ours, path.open("rb") as theirs:
+            found = [one for one in StreamReader(theirs).records if isinstance(one, KINDS)]
+            assert list(stored(ours)) == found
 
 
 @pytest.mark.process

@@ -1,6 +1,7 @@
 """The report says what was recorded: counts are direct counts, what is missing is named."""
 
 import base64
+import os
 from collections import Counter
 from pathlib import Path
 
@@ -180,6 +181,24 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
     assert "src=" not in page
     assert "http" not in page.replace("http://www.w3.org", "")
     assert (tmp_path / "run.rrd").stat().st_size > 100_000
+
+
+def test_what_is_newer_than_the_recording_is_not_drawn_again(pouring: Run, tmp_path: Path) -> None:
+    """Unless it is wanted again, or the recording has changed since."""
+    record(pouring.samples[:50], tmp_path)
+    run, drawn = RecordedRun(tmp_path, SYSTEM), list[str]()
+
+    def made(*, again: bool) -> list[str]:
+        drawn.clear()
+        everything(run, lambda _, file="", **__: drawn.append(Path(file).name), again=again)
+        return drawn[1:]
+
+    assert made(again=False) == ["report.html", "run.rrd"]
+    assert made(again=False) == []
+    assert made(again=True) == ["report.html", "run.rrd"]
+    later = (tmp_path / "run.rrd").stat().st_mtime_ns
+    os.utime(tmp_path / TRAFFIC_FILE, ns=(later, later))
+    assert made(again=False) == ["report.html", "run.rrd"]
 
 
 def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:
