@@ -24,7 +24,7 @@ from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
 from console.output import Form, Format, argument, option, tell
 from console.runs import folders
-from console.terminal.console import Console, table
+from console.terminal.console import Cell, Console, table
 from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE
 from operate.fleet_file import Fleet, ProcessState
 from operate.wording import bytes_in_words
@@ -245,7 +245,14 @@ def _show(found: list[Run], console: Console) -> None:
             style = "not bold default" if task.success else COLOURS[FAILED]
             result.append(f"\n  {task.asked}: {came}", style)
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
-        cells = (named, begin, span(one.duration_s), bytes_in_words(one.bytes), one.system, result)
+        cells: tuple[Cell, ...] = (
+            named,
+            begin,
+            span(one.duration_s),
+            bytes_in_words(one.bytes),
+            one.system,
+            result,
+        )
         drawn.add_row(*(cell for name, cell in zip(HEADS, cells, strict=True) if name in heads))
     console.print(drawn)
     console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")

@@ -65,7 +65,7 @@ def report(
         if fields.get("level") == "error":
             complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
 
-    folder, drawn = _target(recording, out), (PAGE_FILE, RRD_FILE)
+    folder, drawn = _target(recording, out), tuple[str, ...]((PAGE_FILE, RRD_FILE))
     if folder is not None:
         made = run if folder == recording else Run(folder, run.system)
         drawn = tuple(name for name in drawn if again or not current(made, name))
