@@ -9,6 +9,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from pathlib import Path
 
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import House, Record, Spoken
 
@@ -25,7 +26,7 @@ def crossed(run: Path) -> tuple[Row, ...]:
     count again.
     """
     found: dict[str, list[int]] = defaultdict(list)
-    for record in mcap_file.read(run / mcap_file.FILE).records:
+    for record in mcap_file.read(run / TRAFFIC_FILE).records:
         for what, size in _crossing(record):
             found[what].append(size)
     rows = [(what, len(sizes), sum(sizes)) for what, sizes in found.items()]

@@ -6,6 +6,7 @@ from pathlib import Path
 from agent_runtime.core.wiring import life, service_key
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Garbage, House, Record, Spoken, Token
 
@@ -16,7 +17,7 @@ def samples(run: Path, until_s: float, now: float) -> Iterator[tuple[float, Samp
     """(Seconds after the first record, sample heard as long after `now`) of a run folder's
     recording.
     """
-    records = mcap_file.read(run / mcap_file.FILE).records
+    records = mcap_file.read(run / TRAFFIC_FILE).records
     for record in records:
         at = record.received - records[0].received
         if at > until_s:

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import House, Spoken
 
@@ -88,7 +89,7 @@ def test_what_crosses_is_what_ex_says_and_hears() -> None:
     others.
     """
     rows = crossed(HISTORY)
-    records = mcap_file.read(HISTORY / mcap_file.FILE).records
+    records = mcap_file.read(HISTORY / TRAFFIC_FILE).records
     said = [
         one for one in records if isinstance(one, Spoken) and "ex" in (one.sender, one.receiver)
     ]

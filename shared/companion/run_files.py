@@ -134,6 +134,11 @@ class TaskLine(msgspec.Struct, frozen=True, omit_defaults=True):
     asks: str = ""
     evidence: tuple[Evidence, ...] = ()
 
+    @property
+    def asked(self) -> str:
+        """The wish for a terminal. A person may have said a mere "yes", or several wishes."""
+        return self.wish.en if self.wish else self.said or self.task
+
 
 class Wish(msgspec.Struct, frozen=True):
     """A sentence that could be said now: what it does (a row of hi's catalogue), and with which

@@ -15,6 +15,7 @@ from typing import Any, TextIO, cast
 import typer
 from typer.core import TyperCommand, TyperGroup
 
+from console import progress
 from console.guarded import Guarded
 from console.verbs import VERBS, Table, merged
 from operate.system import NoSystemError, design_shown, here, installed_here
@@ -270,16 +271,20 @@ FOR_PROGRAMS = ("json", "otlp")
 def guarded(verb: Callable[..., Any]) -> Callable[..., Any]:
     """A verb whose output is escaped, however it prints, and whose problems are told in words."""
 
+    summary = (inspect.getdoc(verb) or "").partition("\n")[0].partition(".")[0]
+    does = f"{summary[:1].lower()}{summary[1:]}"
+
     @functools.wraps(verb)
     def call(*given: Any, **named: Any) -> Any:
-        out, err = (cast(TextIO, Guarded(stream)) for stream in (sys.stdout, sys.stderr))
         from console.output import (  # a verb has imported it; a list of verbs need not
             Format,
             problems,
         )
 
         form = Format.JSON if named.get("form") in FOR_PROGRAMS else Format.TEXT
-        with redirect_stdout(out), redirect_stderr(err), problems(form):
-            return verb(*given, **named)
+        with progress.shown(sys.stdout, sys.stderr, does, wanted=form is Format.TEXT) as streams:
+            out, err = (cast(TextIO, Guarded(stream)) for stream in streams)
+            with redirect_stdout(out), redirect_stderr(err), problems(form):
+                return verb(*given, **named)
 
     return call

@@ -147,21 +147,6 @@ def problems(form: Format) -> Iterator[None]:
         raise typer.Exit(INTERRUPTED) from error
 
 
-@contextmanager
-def waiting(words: str, form: Format) -> Iterator[Callable[[str], None]]:
-    """Show on standard error that something goes on, where people look; gives what renews the
-    words.
-    """
-    if form is Format.JSON or not sys.stderr.isatty():
-        yield lambda _: None
-        return
-    # most verbs answer at once and need none of it
-    from console.terminal.console import Console
-
-    with Console(stderr=True).status(words) as shown:
-        yield shown.update
-
-
 # --- The option --seed: a number that varies what a system leaves to chance, or none --------------
 
 

@@ -241,7 +241,8 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     robot moves there), "" where it need not. `promises`: a function of a History that gives, in
     sentences, those that are broken (operate.judging.invariants). `measures`: an
     operate.experiments.measures.Measures for experiments and comparisons. `why`: a function of an
-    operate.recording.run.Run and a task of it (a Span) that gives further Passages of `roco why`;
+    operate.recording.run.Run and a task of it (a Span) that gives a plain sentence of what became
+    of it and why, and further Passages of `roco why`;
     `believed`: one of a Run, a name and a time [s, None: the end] that gives what is believed of a
     thing of that name, as a Why, or None where there is none. `faults`: kind of a fault that its
     own verbs do -> console.faults.kinds.Kind, which heals one whose command is gone.

@@ -99,14 +99,18 @@ def line(judgement: Judgement, system: System | None) -> Judged:
     why = one_line(judgement.why)
     if one is None:
         return alike(Judged, judgement, t=heard.at, bytes=heard.size, why=why, key=heard.key)
-    return alike(
-        Judged,
-        one,
+    return Judged(
         t=heard.at,
         verdict=judgement.verdict,
         bytes=heard.size,
         channel=judgement.channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        protocol=one.protocol,
         performative=str(one.performative),
+        conversation=one.conversation,
+        id=one.id,
+        language=one.language,
         text=_text(one, system),
         initiator=judgement.states[0],
         participant=judgement.states[1],

@@ -299,7 +299,9 @@ def test_numbers_stand_as_a_person_writes_them():
     moved = (fact(Kind.MOVED, "jar_1", 0.015),)
     assert sentences.person(moved, "en") == "The jar was moved by 1.5 cm."
     assert sentences.person(moved, "pl") == "Ktoś przesunął słoik o 1,5 cm."
-    assert sentences.operator((fact(Kind.MOVED, "bowl_1", 2e6),)) == "bowl was moved by 2000000 m"
+    assert (
+        sentences.operator((fact(Kind.MOVED, "bowl_1", 2e6),)) == "bowl was moved by 2000000000 mm"
+    )
     light = sentences.operator((fact(Kind.FEELS_LITTLE, Side.LEFT, -0.0),))
     assert light == "the left hand feels 0 g: lost"
 

@@ -12,11 +12,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from companion.design import DESIGN
-from companion.run_files import TaskLine
+from companion.languages.hfsm import Step as PlanStep
+from companion.run_files import InWords, TaskLine
 from companion.tools.system import SYSTEM
 from companion.tools.verbs import pour_run
 from console.fleet import process_tables
 from console.fleet.process_status import Beat, Seen
+from console.fleet.process_tables import show_status
+from console.fleet.status import Status
 from console.terminal import draw, run_state, top
 from console.terminal.console import Console
 from console.terminal.top import Graph, arc_rows, dot, drawn_graph, ordered
@@ -145,6 +148,19 @@ def test_the_picture_fits_the_terminal(told: list[LiveLine], height: int, width:
     many = (Happened(t=float(n), name="event", text=str(n)) for n in range(run_state.LATEST_EVENTS))
     whole = draw.Scene("a run", 0.0, SYSTEM, fleet, (task,), folded(*told, *many))
     assert len(console.render_lines(draw.picture(whole, 12.0, height, width))) < height
+
+
+def test_a_task_is_shown_as_what_was_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    """Not as the "yes" that was said, with the step that its plan is at, if it is at one."""
+    wish = InWords("take the jar", "weź słoik")
+    steps = tuple(PlanStep("take", ("jar_1",)) for _ in range(12))
+    runs = TaskLine("hi-1-1", "running", "pulls", "yes", wish=wish, steps=steps, number=3)
+    waits = TaskLine("hi-1-2", "waiting", "", "take the bowl")
+    show_status(Status("a run", None, (runs, waits), stop_held=False))
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "hi-1-1  running  take the jar: step 3 of 12  pulls",
+        "hi-1-2  waiting  take the bowl",
+    ]
 
 
 REASON = "the task failed: " + " ".join(f"reason-{number}" for number in range(30))

@@ -135,6 +135,16 @@ def test_a_run_lists_its_tasks_and_failed_only_if_one_did(
     assert (tmp_path / "run").exists() == (result != "failed")
 
 
+def test_it_is_counted_how_many_tasks_came_to_which_end(tmp_path: Path) -> None:
+    """By the truth where it is known: what was done only by the robot's word failed."""
+    said = {"failed": 2, "cancelled": 2, "done": 1, "refused": 1, "": 1}
+    tasks = [
+        NOT_TAKEN | {"outcome": outcome} for outcome, times in said.items() for _ in range(times)
+    ]
+    kept(tmp_path, "run", 1.0, success=False, tasks=[TAKEN, POURED, *tasks])
+    assert "2 done, 3 failed, 2 cancelled, 1 refused, 1 not ended" in runs_in(tmp_path)
+
+
 def test_the_size_is_that_on_disk(tmp_path: Path) -> None:
     """As du counts it: blocks, a link's target not at all."""
     run = kept(tmp_path, "run")

@@ -23,6 +23,7 @@ from console.__main__ import app
 from console.traffic.verify import Kept, first
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 
@@ -148,9 +149,9 @@ def test_a_recording_that_says_something_else_is_seen(
     """
     run = tmp_path / "run"
     shutil.copytree(DEPOT, run)
-    (run / mcap_file.FILE).unlink()
-    copy, done = mcap_file.Recording(run / mcap_file.FILE), ""
-    for record in mcap_file.read(DEPOT / mcap_file.FILE).records:
+    (run / TRAFFIC_FILE).unlink()
+    copy, done = mcap_file.Recording(run / TRAFFIC_FILE), ""
+    for record in mcap_file.read(DEPOT / TRAFFIC_FILE).records:
         if isinstance(record, Spoken) and record.sender == "ox" and not done:
             wire = encode(replace(record.communicate, sent=1.0))
             record, done = replace(record, wire=wire, size=len(wire)), record.communicate.id

@@ -33,6 +33,7 @@ from companion.tools.verbs.hi import Hi, address
 from console.fleet import starting
 from console.fleet.local import Local
 from console.runs import folders
+from operate.file_names import TRAFFIC_FILE
 from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
@@ -221,7 +222,7 @@ class RocoFleet:
         once.
         """
         agreed = [
-            one for one in mcap_file.read(self.run / mcap_file.FILE, SYSTEM).records
+            one for one in mcap_file.read(self.run / TRAFFIC_FILE, SYSTEM).records
             if isinstance(one, Spoken) and isinstance(one.content, rc.Accepted)
         ]  # fmt: skip
         return [one.content.key for one in {one.identity: one for one in agreed}.values()]

@@ -22,7 +22,7 @@ import pytest
 from depot_fleet import AGENTS, Project
 
 from console.verbs import GROUP, VERBS
-from operate.file_names import LATEST
+from operate.file_names import LATEST, TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 from operate.reports.report import Report
@@ -336,7 +336,7 @@ def test_the_report_counts_what_was_recorded_and_needs_nothing_of_the_companion(
     assert done.stdout.strip() == "[]", done.stderr
     assert (run / "run.rrd").stat().st_size
     told = msgspec.json.decode((run / "report.json").read_bytes(), type=Report)
-    records = mcap_file.read(run / mcap_file.FILE).records
+    records = mcap_file.read(run / TRAFFIC_FILE).records
     said = {one.identity for one in records if isinstance(one, Spoken)}
     matrix = told.communicates.matrix
     counted = {(s, r): n for s, row in matrix.items() for r, n in row.items() if n}

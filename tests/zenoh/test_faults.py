@@ -17,7 +17,7 @@ from depot_fleet import PATIENCE_S, Depot, running
 
 from operate.fault_lines import Fault, read
 from operate.fault_proxy import clocks
-from operate.file_names import FAULTS_FILE
+from operate.file_names import FAULTS_FILE, TRAFFIC_FILE
 from operate.fleet_file import ProcessState
 from operate.recording import mcap_file
 from operate.recording.records import fault_in
@@ -256,7 +256,7 @@ def test_the_report_has_each_fault(depot: Depot) -> None:
     begun = [(one.kind, one.target, one.text) for one in in_order if one.began]
     assert [(one["kind"], one["target"], one["text"]) for one in report["faults"]] == begun
     assert ("kill", "monitor", "back") in begun
-    records = mcap_file.read(depot.run / mcap_file.FILE).records
+    records = mcap_file.read(depot.run / TRAFFIC_FILE).records
     recorded = [(one.id, one.t) for record in records if (one := fault_in(record)) is not None]
     assert recorded == [(one.id, one.t) for one in read((depot.run / FAULTS_FILE).read_bytes())]
     assert "Faults on purpose" in (depot.run / "report.html").read_text()

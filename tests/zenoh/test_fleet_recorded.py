@@ -10,6 +10,7 @@ from roco_fleet import RocoFleet
 from toy_fleet import wait_for
 
 from console.traffic.replace import Compared
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 
@@ -29,7 +30,7 @@ def test_a_fleet_is_recorded_and_its_agents_say_it_again(fleet: RocoFleet) -> No
     out, _ = recorder.communicate(timeout=60)
     assert msgspec.json.decode(out)["dropped"] == 0
     fleet.down()
-    beside, whole = (_said(one) for one in (file, fleet.run / mcap_file.FILE))
+    beside, whole = (_said(one) for one in (file, fleet.run / TRAFFIC_FILE))
     assert sorted(beside) == sorted(one for one in whole if min(beside) <= one <= max(beside))
     for agent in ("co", "pl", "km", "ta"):
         words = f"replay {fleet.run} --speed 1 --format json --replace {agent}".split()

@@ -20,6 +20,7 @@ from agent_runtime.core.events import Arrived
 from agent_runtime.io.steplog import read
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Origin, Spoken
 from topdown.model.design import load
@@ -59,7 +60,7 @@ def arrived(depot: Depot, *agents: str) -> list[Communicate]:
 
 def recorded(depot: Depot) -> list[Spoken]:
     """Return the communicates that are recorded."""
-    records = mcap_file.read(depot.run / mcap_file.FILE).records
+    records = mcap_file.read(depot.run / TRAFFIC_FILE).records
     return [one for one in records if isinstance(one, Spoken)]
 
 

@@ -20,7 +20,7 @@ from toy_fleet import DEADLINE_S, Fleet, service, wait_for
 from agent_runtime.io.sessions import client_config
 from agent_runtime.io.steplog import StepLogs
 from fipa_codec.communicate import Communicate
-from operate.file_names import VIEW_FILE
+from operate.file_names import TRAFFIC_FILE, VIEW_FILE
 from operate.pictures.viewer_address import SWITCH
 from operate.recording import mcap_file
 from operate.recording.recorder import NICENESS
@@ -28,7 +28,7 @@ from operate.recording.records import Garbage, House, Spoken
 
 pytestmark = pytest.mark.zenoh
 STATE = "roco/roco/_/state/co"
-RECORDS = mcap_file.read(POUR / mcap_file.FILE).records
+RECORDS = mcap_file.read(POUR / TRAFFIC_FILE).records
 SAID = [*{one.identity: one.communicate for one in RECORDS if isinstance(one, Spoken)}.values()]
 Monitor = Callable[[Fleet], "subprocess.Popen[bytes]"]
 
@@ -59,7 +59,7 @@ def ends(process: "subprocess.Popen[bytes]", *numbers: signal.Signals) -> None:
 
 def recorded(run: Path, kind: type) -> int:
     """Return the number of records of a kind that are readable now."""
-    return sum(isinstance(record, kind) for record in mcap_file.read(run / mcap_file.FILE).records)
+    return sum(isinstance(record, kind) for record in mcap_file.read(run / TRAFFIC_FILE).records)
 
 
 def test_a_recorder_reads_everything_dies_and_comes_back(router: Fleet, monitor: Monitor) -> None:
@@ -155,7 +155,7 @@ def test_who_records_gives_way_and_who_reports_does_not(router: Fleet, monitor: 
     """The threads that hear and write are nicer than the fleet's, the first one, which makes the
     report, is not. A signal reaches the thread that writes all the same, and the file is closed.
     """
-    process, file = monitor(router), router.run / mcap_file.FILE
+    process, file = monitor(router), router.run / TRAFFIC_FILE
     wait_for((router.run / "monitor.ready").exists, "it records")
     found, fleet = threads(process.pid), threads(router.processes["router"].pid)
     usual = next(iter(fleet.values()))

@@ -11,6 +11,7 @@ from companion.languages import rc
 from companion.tools.system import SYSTEM
 from console.traffic.replace import Compared
 from fipa_codec.communicate import encode
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Spoken
 
@@ -60,7 +61,7 @@ def test_it_is_said_where_the_words_first_differ(tmp_path: Path) -> None:
     """
     file, changed = tmp_path / "other.mcap", False
     copy = mcap_file.Recording(file)
-    for record in mcap_file.read(POUR / mcap_file.FILE, SYSTEM).records:
+    for record in mcap_file.read(POUR / TRAFFIC_FILE, SYSTEM).records:
         if isinstance(record, Spoken) and isinstance(record.content, rc.Look) and not changed:
             record, changed = elsewhere(record), True
         copy.add(record)

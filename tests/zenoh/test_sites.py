@@ -20,6 +20,7 @@ from agent_runtime.io.sessions import client_config, free_endpoint, open_router
 from agent_runtime.io.tap import RECORDER, Sample
 from agent_runtime.io.zenoh_wire import Token
 from companion.design import DESIGN
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.records import Record, Spoken, Unpaired
 
@@ -223,7 +224,7 @@ def broken(tmp_path: Path) -> Iterator[tuple[Pair, Pair, Cable]]:
 
 def recorded(run: Path, name: str) -> tuple[Record, ...]:
     """Return the readable records of a system's recording."""
-    return mcap_file.read(run / name / mcap_file.FILE).records
+    return mcap_file.read(run / name / TRAFFIC_FILE).records
 
 
 @pytest.mark.timeout(200)

@@ -215,7 +215,7 @@ def _parts(fact: Fact, reader: Reader) -> dict[str, object]:
         elif name in ("a", "b"):
             found[name] = _object_forms(next(things, ""), reader)
         elif name in ("x", "y"):
-            found[name] = _number(next(numbers, 0.0), of, reader)
+            found[name] = amount(next(numbers, 0.0), of, reader)
         elif name in ("w", "v"):
             found[name] = _listed_text(next(words, ""), of, reader)
     if "a" not in found:
@@ -267,7 +267,7 @@ def _forms(forms: tuple[str, ...]) -> _Forms:
     return word
 
 
-def _number(value: float, unit: str, reader: Reader) -> str:
+def amount(value: float, unit: str, reader: Reader) -> str:
     """A number with its unit, to three digits, for a person to two; some counts have none."""
     units, digits = catalogue(reader).unit, 3 if reader is Reader.OPERATOR else 2
     if unit not in units:

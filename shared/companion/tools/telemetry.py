@@ -22,7 +22,7 @@ Timed = tuple[tuple[float, T], ...]
 
 def robot(history: History) -> Timed[RobotState]:
     """The measured robot."""
-    return _of(history, RobotState)
+    return history.once(_robot)
 
 
 def pictures(history: History) -> Timed[Picture]:
@@ -32,7 +32,7 @@ def pictures(history: History) -> Timed[Picture]:
 
 def truth(history: History) -> Timed[TrueState]:
     """The true states of the simulation."""
-    return _of(history, TrueState)
+    return history.once(_truth)
 
 
 def paced(history: History) -> bool | None:
@@ -43,6 +43,14 @@ def paced(history: History) -> bool | None:
         return history.setting.speed != "max"
     states = robot(history)
     return states[-1][1].lateness_us.max > 0 if states else None
+
+
+def _robot(history: History) -> Timed[RobotState]:
+    return _of(history, RobotState)
+
+
+def _truth(history: History) -> Timed[TrueState]:
+    return _of(history, TrueState)
 
 
 def _of(history: History, kind: type[T]) -> Timed[T]:
@@ -67,7 +75,9 @@ class Clock:
 
     def sim(self, wall: float) -> float | None:
         """Simulated time at `wall`; None where nothing says."""
-        if not len(self._wall) or np.abs(self._wall - wall).min() > LOOSE_S:
+        behind = int(np.searchsorted(self._wall, wall))
+        near = self._wall[max(0, behind - 1) : behind + 1]
+        if not len(near) or np.abs(near - wall).min() > LOOSE_S:
             return None
         return float(np.interp(wall, self._wall, self._sim))
 

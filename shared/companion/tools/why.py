@@ -1,15 +1,30 @@
-"""Plans of a task with their course and reasons: rejected alternatives, reasons for new plans,
-suspensions.
+"""What became of a task, in a plain sentence; its plans with their course and reasons: rejected
+alternatives, reasons for new plans, suspensions.
 """
 
 from collections import defaultdict
 from collections.abc import Iterator
 
+from companion import commands
 from companion.asking import PREFIXES, Question, Rows, Term
 from companion.design import AgentName
 from companion.languages import cmd, hfsm, rc, sw, wm
-from companion.sentences import at, does, evidence, operator, plain, spaced
-from companion.tools.report.plans import Made, Ran, acts, made, ran
+from companion.languages.facts import Facts, Kind, fact
+from companion.languages.values import Side
+from companion.sentences import (
+    Reader,
+    amount,
+    at,
+    catalogue,
+    does,
+    evidence,
+    failure,
+    operator,
+    person,
+    plain,
+    spaced,
+)
+from companion.tools.report.plans import REFUSED, Made, Ran, acts, made, outcome, ran, task_end
 from companion.tools.verbs import ask
 from companion.tools.verbs.ask import written
 from fipa_codec.performatives import Performative
@@ -22,12 +37,14 @@ from operate.tracing.trace import Message, Span, Trace
 FOUND, CANCELLED = "found", "cancelled"
 
 
-def passages(run: Run, task: Span) -> tuple[Passage, ...]:
-    """How a task of a person waited and was switched, its plans, and how they went."""
-    history, mark = run.history, f"{task.conversation}-plan"
+def of_task(run: Run, task: Span) -> tuple[str, tuple[Passage, ...]]:
+    """What became of a task of a person; and how it waited and was switched, its plans, and how
+    they went.
+    """
+    history, mark = run.talk, f"{task.conversation}-plan"
     plans = [one for one in made(history) if one.network.startswith(mark)]
     runs = [one for one in ran(history) if one.plan.startswith(mark)]
-    return (
+    return _became(history, task), (
         Passage("waiting and switching", tuple(_waiting(history, task, runs))),
         Passage("why these plans", tuple(fact for one in plans for fact in _planned(history, one))),
         Passage("how they went", tuple(fact for one in runs for fact in _went(history, one))),
@@ -38,15 +55,57 @@ def _record(one: Spoken) -> str:
     return f"{one.channel} {one.sender} > {one.receiver} {one.performative}, id {one.id}"
 
 
+# --- the sentence ---------------------------------------------------------------------------------
+
+
+class _Word(str):
+    """A word that has no other forms, as those of English."""
+
+    __slots__ = ()
+
+    def __format__(self, form: str) -> str:
+        return str(self)
+
+
+def _became(history: History, task: Span) -> str:
+    """What a person asked for, what became of it, and why, for a person who knows no robots; "" for
+    a conversation that is about no task.
+    """
+    said = history.conversation(task.conversation)
+    command = next((one for one in said if isinstance(one.content, cmd.Command)), None)
+    if command is None:
+        return ""
+    wish, words = _wish(command.content), catalogue(Reader.ENGLISH)
+    end = task_end(history, command)
+    if end is not None:
+        state, why = outcome(end), getattr(end.content, "why", ())
+        became = words.page["told_failed" if state == REFUSED else f"told_{state}"].format(wish)
+        reasons = (failure if state == cmd.TaskState.FAILED else person)(why, Reader.ENGLISH)
+        return f"{became} {reasons}".rstrip()
+    reports = [one.content for one in said if isinstance(one.content, cmd.TaskReport)]
+    last = reports[-1] if reports else cmd.TaskReport(cmd.TaskState.WAITING)
+    now, reasons = words.state[last.state], person(last.why, Reader.ENGLISH)
+    return words.hi["because"].format(wish, now, reasons).rstrip()
+
+
+def _wish(command: cmd.Command) -> str:
+    """A sentence from which the command is understood."""
+    fields = {name: plain(str(getattr(command, name))) for name in command.__struct_fields__}
+    if "place" in fields:
+        fields["place"] = f"at the {fields['place']}"
+    says = commands.table("say", Reader.ENGLISH, {})[command.says]
+    return says.format(**{name: _Word(value) for name, value in fields.items()})
+
+
 # --- waiting and switching ------------------------------------------------------------------------
 
 
 def _waiting(history: History, task: Span, runs: list[Ran]) -> Iterator[Fact]:
     """Yield what co told of the task's place in its queue, and why it was left and taken up."""
     aside = False
-    for one in history.said:
+    for one in history.conversation(task.conversation):
         report = one.content
-        if one.conversation != task.conversation or not isinstance(report, cmd.TaskReport):
+        if not isinstance(report, cmd.TaskReport):
             continue
         if report.state is cmd.TaskState.WAITING:
             yield Fact(one.sent, f"co took it: {operator(report.why)}", _record(one))
@@ -79,7 +138,7 @@ def _left(history: History, report: Spoken, runs: list[Ran]) -> Spoken | None:
 
 def _planned(history: History, plan: Made) -> Iterator[Fact]:
     name = plan.network.rpartition("-")[2].replace("plan", "plan ")
-    said = [one for one in history.said if one.conversation == plan.conversation]
+    said = history.conversation(plan.conversation)
     asked = next(one for one in said if isinstance(one.content, hfsm.GroundTaskNetwork))
     yield Fact(asked.sent, f"co asked pl for {name}: {plain(plan.task)}", _record(asked))
     plans = (one for one in said if isinstance(one.content, hfsm.HierarchicalPlan | hfsm.NoPlan))
@@ -136,7 +195,7 @@ def _went(history: History, plan: Ran) -> Iterator[Fact]:
             yield Fact(
                 one.end, f"ex did not do “{plain(what)}”: {one.reason}", f"act {command.key}"
             )
-    said = (one for one in reversed(history.said) if one.conversation == plan.conversation)
+    said = reversed(history.conversation(plan.conversation))
     reports = [one for one in said if isinstance(one.content, sw.Report)]  # newest first
     last = next((one for one in reports if one.content.state in sw.FINAL), None)
     if last is None:
@@ -173,14 +232,17 @@ WORDS = {
     "isGraspedWith": "it is held by grasp {value}",
     "hasExactPose": "its pose is {value}",
     "isMoveable": "it {value} be moved",
-    "contentSeen": "about {value} kg were seen in it",
-    "placeDeviation": "its place is known to within {value} m",
+    "contentSeen": "about {value} were seen in it",
+    "placeDeviation": "its place is known to within {value}",
 }
+UNITS = {"contentSeen": "kg", "placeDeviation": "m"}
+"""Units of values, by relation (roco.ttl)."""
 TRUTH = {
     "hasExactPose": ("only predicted", "known as it was seen"),
     "isMoveable": ("cannot", "can"),
 }
 """Words for false and for true."""
+TRUE = ("true", "1")
 
 
 def believed(run: Run, name: str, at: float | None = None) -> Why | None:
@@ -193,7 +255,8 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     if thing is None:
         return None
     told: defaultdict[tuple[float, bool], list[str]] = defaultdict(list)
-    for subject, relation, value, since in _asked(known, BELIEFS.format(thing)):
+    beliefs = _asked(known, BELIEFS.format(thing))
+    for subject, relation, value, since in beliefs:
         content = written(subject).startswith(PREFIXES["content"])
         if not (content and _local(relation) == "type"):
             told[float(written(since)), content].append(
@@ -203,7 +266,17 @@ def believed(run: Run, name: str, at: float | None = None) -> Why | None:
     facts = [fact for some in observed for fact in some]
     facts += _confirmed(run, thing, at)
     believed = (Passage("what is believed", tuple(facts)),)
-    return Why(thing, f"{plain(thing)}: {known.words}", known.begin, believed)
+    sentence = person(_where({_local(one[1]): _local(one[2]) for one in beliefs}, thing), "en")
+    return Why(thing, f"{plain(thing)}: {known.words}", known.begin, believed, sentence)
+
+
+def _where(beliefs: dict[str, str], thing: str) -> Facts:
+    """Which hand holds a thing, else whether the robot sees where it is."""
+    if hand := beliefs.get("isGraspedBy"):
+        return (fact(Kind.HOLDS, Side(hand.removesuffix("_hand")), thing),)
+    if exact := beliefs.get("hasExactPose"):
+        return (fact(Kind.LOCALIZED if exact in TRUE else Kind.NOT_LOCALIZED, thing),)
+    return ()
 
 
 def _asked(known: ask.Known, text: str) -> list[list[Term]]:
@@ -220,7 +293,9 @@ def _local(term: Term) -> str:
 def _sentence(relation: str, value: Term, *, content: bool = False) -> str:
     word = plain(_local(value).rpartition("/")[2] if value.type == "uri" else written(value))
     if relation in TRUTH:
-        word = TRUTH[relation][written(value) in ("true", "1")]
+        word = TRUTH[relation][written(value) in TRUE]
+    elif relation in UNITS:
+        word = str(amount(float(written(value)), UNITS[relation], Reader.OPERATOR))
     elif relation == "type":
         word = spaced(word)
     text = WORDS.get(relation, f"{spaced(relation)} {{value}}").format(value=word.replace("_", " "))
@@ -235,7 +310,7 @@ def _observed(run: Run, since: float, thing: str, texts: list[str], content: boo
     thing.
     """
     at = run.trace.begin + since
-    to_km = (one for one in run.history.said if one.receiver == AgentName.KM)
+    to_km = (one for one in run.talk.said if one.receiver == AgentName.KM)
     said = [one for one in to_km if abs(one.received - at) < 0.001]
     of_thing = (one for one in said if _tells(one, thing))
     about = [one for one in of_thing if isinstance(one.content, wm.FeltContent) is content] or said
@@ -268,9 +343,7 @@ def _tells(one: Spoken, thing: str) -> bool:
 def _confirmed(run: Run, thing: str, at: float | None) -> list[Fact]:
     """When the thing was seen or felt last."""
     until = float("inf") if at is None else run.trace.begin + at
-    to_km = (
-        one for one in run.history.said if one.receiver == AgentName.KM and one.received <= until
-    )
+    to_km = (one for one in run.talk.said if one.receiver == AgentName.KM and one.received <= until)
     said = [one for one in to_km if _tells(one, thing)]
     if not said:
         return []

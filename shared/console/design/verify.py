@@ -17,7 +17,7 @@ from agent_runtime.io.steplog import deeds
 from console import completion
 from console.design import files
 from console.output import Form, Format, argument, option
-from console.terminal.console import Console
+from operate.doing import doing
 from operate.file_names import STEPS
 from operate.system import of_run
 from topdown.model.design import Design, load
@@ -101,14 +101,14 @@ def _most(faults: str) -> int | None:
 def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
     """Each verdict as it comes, with progress on a terminal."""
     verdicts: list[Verdict] = []
-    console, shown = Console(stderr=True), 0
+    shown = 0
     for task in work:
         if form is Format.TEXT and task.layer != shown:
             shown = task.layer
             print(TITLES[shown])
-        with console.status(f"{task.what} ..." if console.is_terminal else "") as status:
+        with doing(task.what) as say:
             verdict = task.run(
-                lambda states, waiting, what=task.what: status.update(  # type: ignore[misc]
+                lambda states, waiting, what=task.what: say(  # type: ignore[misc]
                     f"{what}: {states} states, {waiting} still to look at"
                 )
             )

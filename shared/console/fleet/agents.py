@@ -18,8 +18,9 @@ from console.errors import NO, FleetError, NoRunError
 from console.fleet import operator, targets
 from console.fleet.process_status import Info, Row, Seen, rows
 from console.fleet.targets import LOG_LINES, Target, named
-from console.output import Form, Format, RunDir, argument, option, tell, waiting
+from console.output import Form, Format, RunDir, argument, option, tell
 from console.runs import folders
+from operate.doing import doing
 from operate.fleet_file import ProcessState
 
 BETWEEN_S = 0.5
@@ -233,7 +234,7 @@ def turn(fleet: Target, name: str, ways: tuple[bool, ...], text: str, form: Form
     became of it.
     """
     began = time.monotonic()
-    with waiting(f"{name} {'starts' if ways[0] else 'stops'}", form) as say:
+    with doing(f"{name} {'starts' if ways[0] else 'stops'}") as say:
         for on in ways:
             say(f"{name} {'starts' if on else 'stops'}")
             one = switched(fleet, name, on=on)

@@ -30,9 +30,10 @@ from console.fleet.compose import docker
 from console.fleet.local import Local
 from console.fleet.process_status import Look, Seen, Target, stuck, trouble
 from console.fleet.status import GRPC, HOST, WEB, key_folder, key_times, listens, taken
-from console.output import Form, Format, RunDir, tell, waiting
+from console.output import Form, Format, RunDir, tell
 from console.runs import folders
 from console.terminal.console import Console, table
+from operate.doing import doing
 from operate.fleet_file import Fleet, ProcessState
 from operate.system import NoSystemError, UntrustedError, here
 
@@ -509,7 +510,7 @@ def doctor(target: targets.Name = "", run_dir: RunDir = None, form: Form = Forma
       roco doctor --target compose
     """
     fleet, reason = found(target, run_dir)
-    with waiting("checking", form) as say:
+    with doing("checking") as say:
         checks = tuple(examined(fleet, reason, say))
     count = sum(check.level is Level.WRONG for check in checks)
     tell(

@@ -316,7 +316,7 @@ ENDED = ("done", "failed", "cancelled", "refused")
 
 class Task(Protocol):
     """A task: its id, its state ("running", ..., or one of ENDED), what is to be said of it, what a
-    person said.
+    person asked for. `number`: of the step of its plan under way, the first is 1, 0 for none.
     """
 
     @property
@@ -326,7 +326,11 @@ class Task(Protocol):
     @property
     def text(self) -> str: ...
     @property
-    def said(self) -> str: ...
+    def asked(self) -> str: ...
+    @property
+    def number(self) -> int: ...
+    @property
+    def steps(self) -> Sequence[object]: ...
 
 
 def tasks_of(fleet: Target) -> tuple[tuple[Task, ...], str]:

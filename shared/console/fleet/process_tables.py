@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from rich.text import Text
 
 from agent_runtime.io.heartbeat import Did, Inside, Talk, Waits
-from console.fleet.process_status import LATE_S, Beat, Info, Row
+from console.fleet.process_status import LATE_S, Beat, Info, Row, Task
 from console.terminal.console import Console, pairs, table
 from console.terminal.run_state import View
 from operate.fleet_file import ProcessState, ProcessStatus
@@ -43,9 +43,14 @@ def show_status(now: "Status") -> None:
     for line in now.unheard:
         console.print(line, style="yellow")
     for task in now.tasks:
-        say(f"{task.task}  {task.state}  {task.said}  {task.text}")
+        say(f"{task.task}  {task.state}  {wish(task)}  {task.text}".rstrip())
     if now.problem:
         console.print(now.problem, style="yellow")
+
+
+def wish(task: Task) -> str:
+    """What a person asked for, and how far the plan for it is."""
+    return f"{task.asked}: step {task.number} of {len(task.steps)}" if task.number else task.asked
 
 
 def note(status: ProcessStatus, now: "Status") -> str:

@@ -6,12 +6,14 @@ compose project, else runs/latest as it was left.
 """
 
 import os
+from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from agent_runtime.io.fleet_processes import run_folders
+from agent_runtime.io.fleet_processes import run_folders, started_in
 from agent_runtime.io.run_files import RUN_FOLDER_VARIABLE
 from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
@@ -47,21 +49,69 @@ def find(name: str = "", run_dir: Path | None = None) -> Target:
         return _named(name)
     if os.environ.get(RUN_FOLDER_VARIABLE) or _lives(folders.RUNS / LATEST):
         return Local(folders.find(None))
-    return _other() or _compose("") or Local(folders.find(None))
+    return _other() or _compose("") or Local(_left())
 
 
-def to_hold(name: str = "", run_dir: Path | None = None) -> list[Target]:
-    """The fleets that a stop means: the one that is named or lives here, else all of this user's
-    that live anywhere.
+def to_hold(name: str = "", run_dir: Path | None = None) -> Iterator[Target]:
+    """The fleets that a stop means: the one that is named, else all that live in runs/ here, else
+    all of this user's that live anywhere. Where nothing lives, the run that was left here: a loop
+    may run there that no supervisor started.
 
-    Raises as `find` does.
+    Nothing is asked: a robot that was stopped needlessly is released by a command, one that goes on
+    meanwhile is not stopped in time. Those on this machine come before docker is asked, which may
+    hang. Raises as `find` does.
     """
-    named = name or run_dir is not None or os.environ.get(RUN_FOLDER_VARIABLE)
-    if named or _lives(folders.RUNS / LATEST):
-        return [find(name, run_dir)]
+    if name or run_dir is not None:
+        yield find(name, run_dir)
+        return
+    named = os.environ.get(RUN_FOLDER_VARIABLE)
+    local = [folders.find(None)] if named and started_in(Path(named).resolve()) else _living_here()
+    local = local or list(run_folders())
+    yield from map(Local, local)
+    if not _living_here():
+        projects = _projects()
+        yield from projects
+        if not local and not projects:
+            with suppress(NoRunError):
+                yield find()
+
+
+def not_held(held: list[Target]) -> list[Target]:
+    """This user's fleets that live on this machine, but for those that were held."""
+    known = {one.where for one in held}
+    return [one for one in (*map(Local, run_folders()), *_projects()) if one.where not in known]
+
+
+def lives(fleet: Target) -> bool:
+    """Whether anything of a fleet runs: of one on this machine, also where its folder is gone."""
+    return not isinstance(fleet, Local) or _lives(fleet.run) or bool(started_in(fleet.run))
+
+
+def _living_here() -> list[Path]:
+    """The folders in runs/ here of fleets of which something lives, also of one that was
+    deleted.
+    """
+    found = {one.run.resolve() for one in folders.living_here()}
+    found |= {one for one in run_folders() if one.parent == folders.RUNS.resolve()}
+    latest = (folders.RUNS / LATEST).resolve()
+    return sorted(found | ({latest} if _lives(latest) else set()))
+
+
+def _projects() -> list[Target]:
     from console.fleet.compose import Compose, projects
 
-    return [*map(Local, run_folders()), *map(Compose, projects())] or [find()]
+    return [Compose(one) for one in projects()]
+
+
+def _left() -> Path:
+    """The run that was left here. NoRunError, which names the fleets that live elsewhere."""
+    try:
+        return folders.find(None)
+    except NoRunError as error:
+        if elsewhere := " or ".join(map(str, run_folders())):
+            words = f"no fleet runs here; yours run elsewhere: --target {elsewhere}"
+            raise NoRunError(error.where, words) from error
+        raise
 
 
 def named(fleet: Target, name: str) -> Seen:

@@ -20,11 +20,11 @@ from console.output import (
     option,
     tell,
     tell_problem,
-    waiting,
 )
 from console.runs import folders
 from console.terminal.console import Console
 from console.terminal.draw import Watch
+from operate.doing import doing
 from operate.system import here
 
 
@@ -131,7 +131,7 @@ def _begun(
             if seconds is None:
                 return
             with (
-                waiting(f"the fleet runs for {seconds:g} s", form),
+                doing(f"the fleet runs for {seconds:g} s"),
                 contextlib.suppress(subprocess.TimeoutExpired),
             ):
                 code = supervisor.wait(seconds)
@@ -158,7 +158,7 @@ def down(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
       roco down --target compose
     """
     found = targets.find(target, run_dir)
-    with waiting("the fleet ends, the report is written; Ctrl-C does not wait", form):
+    with doing("the fleet ends, the report is written; Ctrl-C does not wait"):
         names = found.down()
     words = f"ended {', '.join(names)}" if names else f"nothing of {found.where} was running"
     tell(Reply(words, found.where), form)

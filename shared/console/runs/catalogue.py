@@ -10,6 +10,7 @@ import re
 import shutil
 import socket
 import time
+from collections import Counter
 from collections.abc import Iterable
 from contextlib import suppress
 from datetime import datetime
@@ -23,7 +24,7 @@ from console import completion
 from console.errors import ConsoleError, NoRunError, UsageError
 from console.output import Form, Format, argument, option, tell
 from console.runs import folders
-from console.terminal.console import Console, table
+from console.terminal.console import Cell, Console, table
 from operate.file_names import FLEET_FILE, LATEST, REPORT_FILE, STEPS, TRAFFIC_FILE
 from operate.fleet_file import Fleet, ProcessState
 from operate.wording import bytes_in_words
@@ -34,18 +35,35 @@ UP, SUCCESS, FAILED, ENDED, UNKNOWN = "up", "success", "failed", "ended", "unkno
 COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
 BLOCK = 512
 """Bytes of a unit of st_blocks (man 2 stat)."""
+HEADS = ("run", "begin", "took", "on disk", "system", "result")
+WIDE = 120
+"""Columns that all of it needs, with 40 for the result (counted)."""
+ENDS = ("done", "failed", "cancelled", "refused", "not ended")
+"""What may become of a task, in the order in which it is told."""
 ANSWER_S = 0.5
 In = Annotated[Path, option("The folder that the runs are in.", "--in", file_okay=False)]
 
 
 class Task(msgspec.Struct, frozen=True):
     """A task of a run, as its report has it: what was `asked` for, and whether it was done;
-    `failure`: why not.
+    `failure`: why not; `outcome`: what the system itself said of its end, "" if it did not end.
     """
 
     asked: str
     success: bool
     failure: str | None = None
+    outcome: str = "failed"
+
+    @property
+    def became(self) -> str:
+        """One of ENDS. What was not done failed, whatever was said of it, unless a person or the
+        system had it not done.
+        """
+        if self.success:
+            return "done"
+        if not self.outcome:
+            return "not ended"
+        return self.outcome if self.outcome in ("cancelled", "refused") else "failed"
 
 
 class Run(msgspec.Struct, frozen=True):
@@ -107,8 +125,9 @@ def runs(
     """List the runs that were kept: begin, duration, size on disk, system, result.
 
     A run `failed` if its report says so, if a process of it was given up, or if its processes died
-    without an end in order; `ended` has a system without a verdict of its own. Below the result are
-    the tasks, each judged at its own end. Exits with 3 where there is no run.
+    without an end in order; `ended` has a system without a verdict of its own. Below the result
+    it is counted how many tasks came to which end; then come the tasks, each judged at its own
+    end. Exits with 3 where there is no run.
 
     Names and rules given together narrow each other: a run is listed if all of them fit. --keep
     counts all runs, those that are up, too. With --remove what would be listed is removed instead,
@@ -209,22 +228,40 @@ def size(folder: Path) -> int:
 
 
 def _show(found: list[Run], console: Console) -> None:
-    """Print the runs, a line for each."""
-    heads = ("run", "begin", "took", "on disk", "system", "result")
+    """Print the runs, a line for each. In a narrow terminal the result takes the room of the begin,
+    which most names tell, and of the system.
+    """
+    narrow = console.width < WIDE
+    heads = [one for one in HEADS if not (narrow and one in ("begin", "system"))]
     drawn = table(heads, right=("took", "on disk"), fold=("result",))
     for one in found:
         named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
         words = f"{one.result}: {one.why}" if one.why else one.result
         result = Text(words, COLOURS.get(one.result, ""))
+        if one.tasks:
+            result.append(f"\n{counted(one.tasks)}", "not bold default")
         for task in one.tasks:
             came = "done" if task.success else task.failure
             style = "not bold default" if task.success else COLOURS[FAILED]
             result.append(f"\n  {task.asked}: {came}", style)
         begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
-        sizes = (span(one.duration_s), bytes_in_words(one.bytes))
-        drawn.add_row(named, begin, *sizes, one.system, result)
+        cells: tuple[Cell, ...] = (
+            named,
+            begin,
+            span(one.duration_s),
+            bytes_in_words(one.bytes),
+            one.system,
+            result,
+        )
+        drawn.add_row(*(cell for name, cell in zip(HEADS, cells, strict=True) if name in heads))
     console.print(drawn)
     console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
+
+
+def counted(tasks: Iterable[Task]) -> str:
+    """How many tasks came to which end: 7 done, 2 failed."""
+    ends = Counter(one.became for one in tasks)
+    return ", ".join(f"{ends[end]} {end}" for end in ENDS if ends[end])
 
 
 def words_of(found: list[Run]) -> str:

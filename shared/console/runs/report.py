@@ -16,7 +16,7 @@ from console import completion
 from console.errors import ConsoleError, UsageError
 from console.output import Form, Format, argument, option, tell, tell_json
 from console.terminal.console import Console, table
-from operate.file_names import TRAFFIC_FILE
+from operate.file_names import REPORT_FILE, RRD_FILE, TRAFFIC_FILE
 
 if TYPE_CHECKING:
     from operate.experiments.comparing import Compared, Comparison, Diverged
@@ -36,22 +36,27 @@ def report(
         Path | None,
         option("Where its files go; else a run's own folder, of a recording nowhere.", "--out"),
     ] = None,
+    again: Annotated[
+        bool,
+        option("Draw report.html and run.rrd anew, also where they are up to date.", "--again"),
+    ] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Make the report of a run again from its recording, and show it. Exits with 1 where the run
     was no success.
 
-    Of a run's folder report.json, report.html and run.rrd are made anew; of a single recording only
-    with --out.
+    Of a run's folder report.json is made anew, and so are report.html and run.rrd where they are
+    older than the recording; of a single recording only with --out.
 
     Examples:
       roco report runs/latest
+      roco report runs/latest --again
       roco report traffic.mcap --out again
       roco report runs/latest/traffic.mcap --format json
     """
     from operate.experiments import measures
     from operate.recording.run import Run, opened
-    from operate.reports.make import everything
+    from operate.reports.make import PAGE_FILE, current, everything
     from operate.reports.report import of
 
     run, complaints = opened(recording), list[str]()
@@ -60,14 +65,15 @@ def report(
         if fields.get("level") == "error":
             complaints.append(f"{event}: {str(fields.get('why', '')).strip().splitlines()[-1]}")
 
-    folder = _target(recording, out)
+    folder, drawn = _target(recording, out), tuple[str, ...]((PAGE_FILE, RRD_FILE))
     if folder is not None:
         made = run if folder == recording else Run(folder, run.system)
-        if not everything(made, complain):
+        drawn = tuple(name for name in drawn if again or not current(made, name))
+        if not everything(made, complain, again=again):
             raise ConsoleError(complaints[-1])
     told = of(run.history, run.system)
     shown = measures.shown(told, measures.of(run.system))
-    tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console()))
+    tell(told, form, lambda: show(msgspec.to_builtins(told), shown, folder, Console(), drawn))
     if getattr(told, "success", None) is False:
         raise typer.Exit(1)
 
@@ -89,11 +95,16 @@ def _target(place: Path, out: Path | None) -> Path | None:
 
 
 def show(
-    told: dict[str, Any], shown: "tuple[Shown, ...]", folder: Path | None, console: Console
+    told: dict[str, Any],
+    shown: "tuple[Shown, ...]",
+    folder: Path | None,
+    console: Console,
+    drawn: tuple[str, ...],
 ) -> None:
     """Print for people: the verdict, the figures, what happened when, who told whom.
 
-    `shown`: the figures that the system has beyond the traffic.
+    `shown`: the figures that the system has beyond the traffic; `drawn`: the files that were made
+    in the folder besides report.json.
     """
     console.print(headline(told), highlight=False)
     for part in (figures(told, shown), *([events(told)] if "events" in told else []), matrix(told)):
@@ -104,8 +115,9 @@ def show(
     for name in told.get("missing", ()):
         console.print(f"no {name}", style="dim", highlight=False)
     if folder is not None:
-        files = f"{folder}/report.json, report.html, run.rrd"
-        console.print(f"\nwritten: {files}", highlight=False, soft_wrap=True)
+        files = ", ".join((f"{folder}/{REPORT_FILE}", *drawn))
+        rest = "" if drawn else "; page and pictures are up to date, --again draws them anew"
+        console.print(f"\nwritten: {files}{rest}", highlight=False, soft_wrap=True)
 
 
 def headline(told: dict[str, Any]) -> str:

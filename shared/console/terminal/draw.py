@@ -77,7 +77,7 @@ def header(scene: Scene, now: float) -> Text:
     if scene.stop_held:
         text.append("   STOPPED: `roco release` lets the robot move", "bold white on red")
     for task in scene.tasks:
-        text.append(f"\n“{task.said or task.task}”  ", "italic")
+        text.append(f"\n“{task.asked}”  ", "italic")
         text.append(task.state, COLOURS.get(task.state, ""))
         if task.text and task.state != "running":  # while it runs, the plan beside shows more
             text.append(f": {scene.system.plain(task.text)}", "dim")
@@ -280,8 +280,7 @@ class Watch:
             )
         for task in self.scene.tasks:
             words = (
-                f"{task.said or task.task}:"
-                f" {task.state}{', ' + system.plain(task.text) if task.text else ''}"
+                f"{task.asked}: {task.state}{', ' + system.plain(task.text) if task.text else ''}"
             )
             self._tell_once(f"task {task.task}", words, task, task.state in ENDED)
 

@@ -22,7 +22,7 @@ from rich.text import Text
 from console.errors import NoRunError
 from console.fleet import process_status, targets
 from console.fleet.process_status import ENDED, Look, Row, Seen, Task, rows, trouble
-from console.fleet.process_tables import COLOURS, COLUMNS, cells, doing, state_text
+from console.fleet.process_tables import COLOURS, COLUMNS, cells, doing, state_text, wish
 from console.fleet.targets import Target
 from console.output import RunDir, option, tell_json
 from console.terminal import run_state
@@ -452,9 +452,7 @@ def header(screen: Screen, system: System) -> Text:
     if task is None:
         text.append("none", "dim")
     else:
-        text.append(f"“{task.said or task.task}” ", "italic").append(
-            task.state, COLOURS.get(task.state, "")
-        )
+        text.append(f"“{wish(task)}” ", "italic").append(task.state, COLOURS.get(task.state, ""))
     text.append("\nplan  ", "dim")
     text.append(screen.plan or "none", "" if screen.plan else "dim")
     return text.append(f"  ▶ {screen.step}" if screen.step else "", "bold green")

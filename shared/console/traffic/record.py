@@ -24,6 +24,7 @@ from console.runs import folders
 from console.terminal.console import Console, table
 from console.traffic import listen
 from console.traffic.listen import RECORDING, LostError, about, hearing
+from operate.doing import doing
 from operate.file_names import TRAFFIC_FILE
 from operate.wording import bytes_in_words
 
@@ -99,9 +100,7 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
     waiting, console = Waiting(), Console(stderr=True)
     reader = threading.Thread(target=waiting.fill, args=(heard.stdout,), daemon=True)
     reader.start()
-    quiet = form is Format.JSON
-    shown = contextlib.nullcontext() if quiet else console.status("recording; Ctrl-C ends it")
-    with interrupts.signalled(waiting.stop), shown as line:
+    with interrupts.signalled(waiting.stop), doing("recording; Ctrl-C ends it") as say:
         told = flushed = time.monotonic()
         while not waiting.stopped and not keeper.over:
             sample = waiting.get(FLUSH_S)
@@ -110,8 +109,8 @@ def _recorded(keeper: "Keeper", heard: "subprocess.Popen[bytes]", form: Format) 
             now = time.monotonic()
             if now - flushed > FLUSH_S:
                 kept, flushed = keeper.kept(waiting.dropped), now
-                if line is not None and now - told > TOLD_S:
-                    line.update(f"recording: {sentence(kept)}; Ctrl-C ends it")
+                if now - told > TOLD_S:
+                    say(f"recording: {sentence(kept)}; Ctrl-C ends it")
                     told = now
         for sample in waiting.left():
             if not keeper.over:

@@ -21,11 +21,11 @@ import typer
 from agent_runtime.core.binding import wiring
 from agent_runtime.impersonation import Cast, Stage
 from console.errors import ConsoleError, UsageError, last_line
-from console.output import Form, Format, tell
-from console.terminal.console import Console
+from console.output import Form, tell
 from console.traffic.play import as_agent, compared, difference, moved
 from fipa_codec.communicate import Communicate
 from fipa_codec.languages import Languages
+from operate.doing import doing
 from operate.system import System, of_run
 
 # --- One agent's part of a recording, and whether a real agent speaks it: its lines and its cues,
@@ -210,12 +210,11 @@ def replaced(file: Path, agent: str, fast: float | None, seed: int | None, form:
     module = _module(system, agent)
     part, recorded_seed = _part(file, agent)
     seed = recorded_seed if seed is None else seed
-    console = Console(stderr=True, quiet=form is Format.JSON)
-    with console.status(f"starting {agent}") as line, _running(system, agent, module, seed) as cast:
+    with doing(f"starting {agent}") as say, _running(system, agent, module, seed) as cast:
         script, begun, of = Script(part), time.monotonic(), len(part)
 
         def look(spoken: int) -> None:
-            line.update(f"{agent} speaks: {spoken} of {of} entries")
+            say(f"{agent} speaks: {spoken} of {of} entries")
 
         found = _play(script, cast, part, fast, look)
     difference, words = found or (None, None)

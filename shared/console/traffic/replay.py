@@ -36,6 +36,7 @@ from console.traffic.listen import (
     wanted,
 )
 from console.traffic.play import Player, Replayed, sentence
+from operate.doing import doing
 from operate.file_names import FLEET_FILE, LIVE_FILE, STEPS
 from operate.filters import Filter
 from operate.fleet_file import Fleet
@@ -171,14 +172,14 @@ def _played(
     player = Player(stage, samples, fast, shown.take)
     console = Console(stderr=True, quiet=form is Format.JSON)
     try:
-        with _announced(stage, system), console.status("replaying") as line:
+        with _announced(stage, system), doing("replaying") as say:
             listen = f"to listen: roco traffic echo --run-dir {_folder(stage)}"
             where = f"system {stage.system} at {stage.endpoint}"
             console.print(f"{where}; {listen}", highlight=False, soft_wrap=True)
             player.wait(time.monotonic() + after)
             for _ in range(FOREVER if loop else 1):
                 shown.begin()
-                player.play(lambda text: line.update(f"replaying {text}"))
+                player.play(lambda text: say(f"replaying {text}"))
             player.wait(time.monotonic() + READ_S)
     except KeyboardInterrupt:
         pass

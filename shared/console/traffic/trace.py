@@ -15,7 +15,7 @@ from rich.text import Text
 
 from console.errors import ConsoleError, UsageError
 from console.fleet import targets
-from console.output import Form, Format, RunDir, option, tell, tell_json, waiting
+from console.output import Form, Format, RunDir, option, tell, tell_json
 from console.terminal import sequence
 from console.terminal.console import Console, table
 from console.terminal.sequence import seconds
@@ -155,11 +155,12 @@ def why(
 ) -> None:
     """Say why a task went as it did, from what is recorded.
 
-    It says how it ended and what led to that, why it waited, which plans were made and what was
-    rejected, and who was away. Without a subject it is the newest task. The subject may also be a
-    thing that the system knows: then it says what is believed, since when, and by which
-    observation. Each sentence repeats something that was said or done and recorded; what is not
-    recorded is not told. Seconds count from the first communicate.
+    First comes a plain sentence, as the robot tells it to a person. Then it says how it ended and
+    what led to that, why it waited, which plans were made and what was rejected, and who was away.
+    Without a subject it is the newest task. The subject may also be a thing that the system knows:
+    then it says what is believed, since when, and by which observation. Each sentence repeats
+    something that was said or done and recorded; what is not recorded is not told. Seconds count
+    from the first communicate.
 
     Examples:
       roco why
@@ -170,12 +171,13 @@ def why(
     from operate.recording.run import opened, reasons
 
     file = recording_of(run, target, run_dir)
-    with waiting("reading the recording …", form):
-        found = reasons(opened(file), subject, at)
+    found = reasons(opened(file), subject, at)
     tell(found, form, lambda: _show(found, Console(), records=records))
 
 
 def _show(found: Why, console: Console, *, records: bool) -> None:
+    if found.sentence:
+        console.print(Text(f"{found.sentence}\n"), soft_wrap=True)
     console.print(Text.assemble((found.about, "bold"), "  ", found.text), soft_wrap=False)
     for passage in found.passages:
         console.print(Text(f"\n{passage.title}", "bold"))

@@ -22,12 +22,13 @@ from agent_runtime.core.events import Effects, Receipt
 from agent_runtime.io.journal import records
 from agent_runtime.io.steplog import Again, Parted, SentAgain, digest, fingerprint
 from console.errors import ConsoleError, UsageError, last_line
-from console.output import Form, Format, tell
+from console.output import Form, tell
 from console.runs import folders
 from console.terminal.console import Console, table
 from console.traffic.listen import fields_of
 from console.traffic.play import as_agent, compared, difference
 from fipa_codec.communicate import Communicate, decode
+from operate.doing import doing
 from operate.file_names import STEPS, TRAFFIC_FILE
 from operate.system import System, of_run
 
@@ -233,9 +234,8 @@ def verified(file: Path, agents: list[str], seed: int | None, form: Form) -> Non
     recording = file if file.is_file() else run / TRAFFIC_FILE
     evidence = Evidence(opened(recording, system) if recording.is_file() else None)
     environment, found = _environment(run, system, evidence, seed), []
-    with Console(stderr=True, quiet=form is Format.JSON).status("") as line:
-        for agent, log in logs.items():
-            line.update(f"{agent} runs again")
+    for agent, log in logs.items():
+        with doing(f"{agent} runs again"):
             found.append(_verified(run, _again(system, agent, log, environment), evidence))
     tell(found, form, lambda: _print(found))
     if any(one.difference for one in found):

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator
 
 import msgspec
 
-from fipa_codec.communicate import Communicate
+from fipa_codec.communicate import Communicate, check_text
+from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from operate.live_lines import Again, AgentIn, LiveLine, Sent
@@ -27,7 +28,7 @@ from operate.structs import alike
 from operate.system import System
 from operate.verdict_lines import Judged, line
 from topdown.judge.judge import Judge
-from topdown.judge.verdicts import Judgement, Verdict
+from topdown.judge.verdicts import Judgement, Read, Verdict
 from topdown.model.design import Design
 
 HISTORY_S = 0.5
@@ -39,7 +40,9 @@ they come in ms.
 class Judging:
     """Judges records as they come."""
 
-    def __init__(self, system: System) -> None:
+    def __init__(self, system: System, *, words: bool = True) -> None:
+        """`words`: the verdicts have contents in a few words."""
+        self._words = words
         self._judge = Judge(system.design, system.languages)
         self._key, self._system = system.design.file.system.key, system
         self._began: float | None = None
@@ -53,19 +56,22 @@ class Judging:
         if isinstance(record, Unpaired):
             yield self._unpaired(record)
         for judgement in self._heard(record):
-            yield line(judgement, self._system)
+            yield self._line(judgement)
         if isinstance(record, Spoken) and record.origin is Origin.SENDER:
             yield from self._not_taken(record)
 
     def pass_time(self, now: float) -> Iterator[Judged]:
         """It is `now` [unix s]: what waited in vain."""
         for judgement in self._judge.pass_time(now):
-            yield line(judgement, self._system)
+            yield self._line(judgement)
 
     def finish(self, now: float | None = None) -> Iterator[Judged]:
         """Nothing more will be heard; `now` None: since the last record."""
         for judgement in self._judge.finish(self._last if now is None else now):
-            yield line(judgement, self._system)
+            yield self._line(judgement)
+
+    def _line(self, judgement: Judgement) -> Judged:
+        return line(judgement, self._system if self._words else None)
 
     def _heard(self, record: Record) -> tuple[Judgement, ...]:
         at = record.received
@@ -75,7 +81,8 @@ class Judging:
                     key_of(record, self._key), record.communicate, at, record.size, (None, None)
                 )
             case Spoken():
-                return self._judge.hear(key_of(record, self._key), record.wire, at)
+                key, size = key_of(record, self._key), len(record.wire)
+                return self._judge.hear(key, _decoded(record), at, size, _read(record))
             case Garbage(data=b"", log=log) if log:
                 return self._judge.noted(record.key, record.reason, at)
             case Garbage():
@@ -107,11 +114,32 @@ class Judging:
         )
 
 
-def of_records(records: Iterable[Record], system: System) -> tuple[Judged, ...]:
-    """All verdicts about a recording, in the order of time."""
-    judging = Judging(system)
-    found = [one for record in records for one in judging.lines(record)]
-    return tuple(sorted((*found, *judging.finish()), key=lambda one: one.t))
+def _decoded(one: Spoken) -> Communicate | bytes:
+    """The communicate, which may be decoded already; its bytes, if it is none."""
+    try:
+        check_text(one.communicate)
+    except FipaError:
+        return one.wire
+    return one.communicate
+
+
+def _read(one: Spoken) -> Read | None:
+    """What its content is, if it was read already."""
+    content, kind = one.known
+    return None if content is None else (f"{one.language}.{type(content).__name__}", kind)
+
+
+def of_records(
+    records: Iterable[Record], system: System, *, words: bool = True
+) -> tuple[Judged, ...]:
+    """All verdicts about a recording, in the order of time; with contents in a few `words`."""
+    judging, last, found = Judging(system, words=words), 0.0, list[Judged]()
+    for record in records:
+        last = max(last, record.received)
+        # a signal tells only that time passes, as the next communicate does
+        if not isinstance(record, House) or record.kind == SETTING:
+            found += judging.lines(record)
+    return tuple(sorted((*found, *judging.finish(last)), key=lambda one: one.t))
 
 
 def of_live(lines: Iterable[LiveLine], design: Design) -> tuple[Judged, ...]:

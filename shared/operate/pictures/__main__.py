@@ -24,7 +24,7 @@ import msgspec
 import rerun as rr
 import typer
 
-from operate.file_names import VERDICTS_FILE
+from operate.file_names import TRAFFIC_FILE, VERDICTS_FILE
 from operate.pictures import feed
 from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
@@ -32,7 +32,7 @@ from operate.pictures.server import Server, ServerError, rss_mb
 from operate.pictures.sheet import Sheet
 from operate.pictures.stage import Happening, Lost, Reader, Stage
 from operate.pictures.viewer_address import LOOPBACK, Place, free_port
-from operate.recording.mcap_file import FILE, Reading
+from operate.recording.mcap_file import Reading
 from operate.recording.records import House, Spoken, understood
 from operate.system import System, here
 from operate.verdict_lines import Judged
@@ -75,7 +75,7 @@ class Past:
 
     def _heard(self, run: Path, system: System, reader: Reader) -> Iterator[Happening]:
         signals = system.addition("telemetry") or {}
-        for record in Reading(run / FILE, system):
+        for record in Reading(run / TRAFFIC_FILE, system):
             old = record.received < self._at - SIGNALS_S
             if record.received >= self._at or (
                 old and isinstance(record, House) and record.kind in signals

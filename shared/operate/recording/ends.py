@@ -225,8 +225,18 @@ class _Log:
 class Ends:
     """Reads all logs of a run folder, again and again."""
 
-    def __init__(self, run: Path, system: System, cursor: Mapping[str, int] | None = None) -> None:
-        """`cursor`: agent -> offset in its log; what is before it was told by another reader."""
+    def __init__(
+        self,
+        run: Path,
+        system: System,
+        cursor: Mapping[str, int] | None = None,
+        *,
+        words: bool = True,
+    ) -> None:
+        """`cursor`: agent -> offset in its log; what is before it was told by another reader.
+        `words`: records have their contents in a few words.
+        """
+        self._words = words
         self._folder, self._system, self._begun = run / STEPS, system, dict(cursor or {})
         self._logs: dict[str, _Log] = {}
         self._alive = defaultdict[str, list[float]](list)
@@ -352,7 +362,7 @@ class Ends:
         """The record of a communicate that reached an agent at `at`."""
         try:
             wire = encode(one)
-            return spoken(one, wire, at, self._system, Origin.RECEIVER)
+            return spoken(one, wire, at, self._system, Origin.RECEIVER, words=self._words)
         except LookupError as error:
             return Garbage(_key(one, self._system), len(wire), str(error), at, wire, log=agent)
         except FipaError:
@@ -449,7 +459,8 @@ class Ends:
         """
         try:
             wire = encode(said.communicate)
-            record = spoken(said.communicate, wire, at, self._system, Origin.SENDER)
+            one = said.communicate
+            record = spoken(one, wire, at, self._system, Origin.SENDER, words=self._words)
         except (LookupError, FipaError):
             return
         yield record.sized(said.size)

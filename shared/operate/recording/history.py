@@ -4,10 +4,13 @@ named.
 Must not know: what a report wants of it.
 """
 
+from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from typing import Any
+from functools import cached_property
+from operator import attrgetter
+from typing import Any, TypeVar
 
 import msgspec
 
@@ -19,6 +22,7 @@ from operate.recording import ends
 from operate.recording.ends import HeardReceipt, Hearing, receipts
 from operate.recording.records import (
     FAULT,
+    HEARTBEAT,
     SETTING,
     Garbage,
     House,
@@ -32,6 +36,12 @@ from operate.recording.records import (
 )
 from operate.system import System
 from operate.verdict_lines import Judged
+
+NO_SIGNALS = (HEARTBEAT, ends.RECEIPT, SETTING, FAULT)
+"""Kinds of samples that tell of agents and of what they say, as every system has them."""
+
+T = TypeVar("T")
+_received = attrgetter("received")
 
 
 class Hole(msgspec.Struct, frozen=True):
@@ -52,7 +62,7 @@ class Entered(msgspec.Struct, frozen=True):
     alive: bool = True
 
 
-class History(msgspec.Struct, frozen=True):
+class History(msgspec.Struct, frozen=True, dict=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were
     re-sent.
 
@@ -84,6 +94,33 @@ class History(msgspec.Struct, frozen=True):
         """Return the time of the first communicate, or without one of the first record [unix s]."""
         times = [self.said[0].received] if self.said else [at for at, _ in self.told[:1]]
         return min(times, default=0.0)
+
+    def conversation(self, name: str) -> tuple[Spoken, ...]:
+        """What was said in the conversations of this name, in the order of time."""
+        return self._conversations.get(name, ())
+
+    @cached_property
+    def _conversations(self) -> dict[str, tuple[Spoken, ...]]:
+        found: defaultdict[str, list[Spoken]] = defaultdict(list)
+        for one in self.said:
+            found[one.conversation].append(one)
+        return {name: tuple(said) for name, said in found.items()}
+
+    def during(self, start: float, end: float) -> tuple[Spoken, ...]:
+        """What was received from `start` to `end` [unix s], both included."""
+        first = bisect_left(self.said, start, key=_received)
+        return self.said[first : bisect_right(self.said, end, key=_received)]
+
+    def once(self, make: Callable[["History"], T]) -> T:
+        """What a function makes of it, which is made when it is first asked for."""
+        if make not in self._made:
+            self._made[make] = make(self)
+        found: T = self._made[make]
+        return found
+
+    @cached_property
+    def _made(self) -> dict[Callable[["History"], Any], Any]:
+        return {}
 
     def took(self, question: Spoken, heard: float | None) -> float | None:
         """Return the time [s] from a communicate to what its sender heard for it, at `heard`; None
@@ -126,7 +163,7 @@ def of_records(
         copies=copies,
         receipts=tuple(receipts(houses)),
         hearing=ends.of(records),
-        told=tuple(_decoded(houses, system.addition("telemetry") or {})),
+        told=tuple(_decoded(houses, system)),
         entered=tuple(_entered(records)),
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
@@ -172,10 +209,12 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
     return tuple(said), tuple(copies)
 
 
-def _decoded(
-    houses: list[House], decoders: Mapping[str, Callable[[bytes], Any]]
-) -> Iterator[tuple[float, Any]]:
-    for house in houses:
+def _decoded(houses: list[House], system: System) -> Iterator[tuple[float, Any]]:
+    signals = [house for house in houses if house.kind not in NO_SIGNALS]
+    if not signals:
+        return  # what reads them may be slow to import
+    decoders: Mapping[str, Callable[[bytes], Any]] = system.addition("telemetry") or {}
+    for house in signals:
         decode = decoders.get(house.kind)
         if decode is not None:
             with suppress(*UNREADABLE):

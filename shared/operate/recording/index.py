@@ -7,19 +7,26 @@ it again in its place, by rename: a reader sees the old one or the new one. Must
 message says.
 """
 
-import dataclasses
 import fcntl
+import io
 import os
 import struct
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 
 import lz4.frame
 import msgspec
 import zstandard
-from mcap.exceptions import McapError, RecordLengthLimitExceeded, UnsupportedCompressionError
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import (
+    EndOfFile,
+    InvalidMagic,
+    McapError,
+    RecordLengthLimitExceeded,
+    UnsupportedCompressionError,
+)
 from mcap.opcode import Opcode
 from mcap.reader import SeekingReader
 from mcap.records import (
@@ -33,7 +40,6 @@ from mcap.records import (
     Metadata,
     Schema,
 )
-from mcap.stream_reader import StreamReader, breakup_chunk
 from mcap.writer import MCAP0_MAGIC, Writer
 
 from agent_runtime.io.journal import free_name
@@ -68,29 +74,78 @@ class NoRecordingError(NothingToRead):
         super().__init__(f"{path} {why}; {remedy}")
 
 
-def stored(file: IO[bytes]) -> Iterator[McapRecord]:
-    """The records of an MCAP file as they stand in it, those in chunks, too; of several one after
-    the other.
+# kind, bytes behind (MCAP specification, Records)
+RECORD = struct.Struct("<BQ")
+# channel, number, log and publish time [ns]; behind them its data (MCAP specification, Message)
+MESSAGE = struct.Struct("<HIQQ")
+READ: dict[int, Any] = {
+    Opcode.HEADER: Header,
+    Opcode.FOOTER: Footer,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
+}
+"""Records that are read; indexes and statistics only repeat what is in the others."""
 
-    Files are joined by `cat` as logs are. Raise one of TORN.
+
+def stored(file: IO[bytes], unwanted: Container[int] = ()) -> Iterator[McapRecord]:
+    """The records of an MCAP file as they stand in it, those in chunks, too; of several one after
+    the other. Messages of `unwanted` channels are left out; who reads may add to them meanwhile.
+
+    Files are joined by `cat` as logs are. Raise one of TORN. The library's own reader takes ten
+    times as long for a message.
     """
     size = os.fstat(file.fileno()).st_size
     while True:
-        for found in StreamReader(file, emit_chunks=True, record_size_limit=RECORD_LIMIT).records:
-            if isinstance(found, Chunk):
-                yield from inside(found)
+        _read_magic(file)
+        footer = False
+        while not footer:
+            opcode, length = RECORD.unpack(_exactly(file, RECORD.size))
+            if length > RECORD_LIMIT:
+                raise RecordLengthLimitExceeded(opcode, length, RECORD_LIMIT)
+            footer = opcode == Opcode.FOOTER
+            data = _exactly(file, length)
+            if opcode == Opcode.CHUNK:
+                yield from inside(Chunk.read(ReadDataStream(io.BytesIO(data))), unwanted)
             else:
-                yield found
+                yield from _of(opcode, data, unwanted)
+        _read_magic(file)
         if file.tell() >= size:
             return
 
 
-def inside(chunk: Chunk) -> list[McapRecord]:
+def _read_magic(file: IO[bytes]) -> None:
+    if (found := file.read(len(MCAP0_MAGIC))) != MCAP0_MAGIC:
+        raise InvalidMagic(found)
+
+
+def _exactly(file: IO[bytes], length: int) -> bytes:
+    if len(data := file.read(length)) < length:
+        raise EndOfFile
+    return data
+
+
+def inside(chunk: Chunk, unwanted: Container[int] = ()) -> list[McapRecord]:
     """Return the records in a chunk. Raise one of TORN."""
-    found: list[McapRecord] = breakup_chunk(
-        dataclasses.replace(chunk, compression="", data=_unpacked(chunk))
-    )
+    data, at, found = memoryview(_unpacked(chunk)), 0, list[McapRecord]()
+    while at < len(data):
+        opcode, length = RECORD.unpack_from(data, at)
+        begin, at = at + RECORD.size, at + RECORD.size + length
+        if at > len(data):
+            raise EndOfFile
+        found += _of(opcode, data[begin:at], unwanted)
     return found
+
+
+def _of(opcode: int, data: bytes | memoryview, unwanted: Container[int]) -> tuple[McapRecord, ...]:
+    """The record of this kind, if it is one that is read."""
+    if opcode == Opcode.MESSAGE:
+        channel, number, logged, published = MESSAGE.unpack_from(data)
+        if channel in unwanted:
+            return ()
+        return (Message(channel, logged, bytes(data[MESSAGE.size :]), published, number),)
+    return (READ[opcode].read(ReadDataStream(io.BytesIO(data))),) if opcode in READ else ()
 
 
 def _unpacked(chunk: Chunk) -> bytes:

@@ -9,19 +9,20 @@ written again in chunks (index.py).
 import fcntl
 import os
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import msgspec
-from mcap.records import Channel, Footer, McapRecord, Message, Metadata
+from mcap.records import Channel, Footer, Header, McapRecord, Message, Metadata
 from mcap.writer import IndexType, Writer
 
 from agent_runtime.io.journal import free_name, worded
 from agent_runtime.io.run_files import write_secret
 from fipa_codec.communicate import UNREADABLE
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import index
 from operate.recording.index import CONTENTS, NOTE, TORN, NoRecordingError, stored
 from operate.recording.records import Garbage, House, Record, Spoken, Token, Unpaired
@@ -54,7 +55,6 @@ def _inlined(one: dict[str, Any], parts: dict[str, Any]) -> dict[str, Any]:
 # --- traffic.mcap ---------------------------------------------------------------------------------
 
 
-FILE = "traffic.mcap"
 CURSOR_FILE = "traffic.cursor.json"
 PROFILE = "robot-companion"
 _NS = 1_000_000_000
@@ -90,7 +90,7 @@ def cursor(run: Path) -> Cursor | None:
     """Return the place from which the recording of a run folder goes on; None: it begins."""
     try:
         found = msgspec.json.decode((run / CURSOR_FILE).read_bytes(), type=Cursor)
-        fits = found.schemas == _schemas() and (run / FILE).stat().st_size >= found.end
+        fits = found.schemas == _schemas() and (run / TRAFFIC_FILE).stat().st_size >= found.end
     except (OSError, msgspec.DecodeError):
         return None
     return found if fits else None
@@ -228,9 +228,17 @@ class Reading:
     repair.
     """
 
-    def __init__(self, path: Path, system: System | None = None) -> None:
-        """`system`: whose languages contents can be read in; without it none can."""
-        self._path, self._system = path, system
+    def __init__(
+        self,
+        path: Path,
+        system: System | None = None,
+        wanted: Callable[[str], bool] = lambda topic: True,
+    ) -> None:
+        """`system`: whose languages contents can be read in; without it none can. `wanted`: whether
+        records of a topic are read; of all others not even their bytes are looked at.
+        """
+        self._path, self._system, self._wanted = path, system, wanted
+        self._unwanted: set[int] = set()
         self.whole = False
 
     def __iter__(self) -> Iterator[Record]:
@@ -241,7 +249,7 @@ class Reading:
             return
         with self._path.open("rb") as file:
             try:
-                yield from self._records(stored(file))
+                yield from self._records(stored(file, self._unwanted))
             except TORN:
                 self.whole = False
 
@@ -249,9 +257,15 @@ class Reading:
         kinds: dict[int, type] = {}
         repaired = False
         for found in stored:
-            if isinstance(found, Channel):
+            if isinstance(found, Header):  # another file begins, with numbers of its own
+                self._unwanted.clear()
+            elif isinstance(found, Channel):
                 kinds[found.id] = _kind(found.topic)
-            elif isinstance(found, Message) and found.channel_id in kinds:
+                if not self._wanted(found.topic):
+                    self._unwanted.add(found.id)
+            elif isinstance(found, Message):
+                if found.channel_id in self._unwanted or found.channel_id not in kinds:
+                    continue
                 with suppress(*UNREADABLE):  # cut off, or of another version
                     record = _decoders[kinds[found.channel_id]].decode(found.data)
                     if isinstance(record, Spoken) and self._system is not None:
@@ -272,19 +286,21 @@ class Reading:
             raise NoRecordingError(self._path, why, by)
 
 
-def read(path: Path, system: System | None = None) -> Read:
-    """Everything readable of one traffic.mcap, recorded of this system; of a missing file
-    nothing.
+def read(
+    path: Path, system: System | None = None, wanted: Callable[[str], bool] = lambda topic: True
+) -> Read:
+    """Everything readable of one traffic.mcap, recorded of this system, or what is on topics that
+    are wanted; of a missing file nothing.
     """
-    reading = Reading(path, system)
+    reading = Reading(path, system, wanted)
     return Read(tuple(reading), reading.whole)
 
 
-def first(path: Path) -> Record | None:
+def first(path: Path, system: System | None = None) -> Record | None:
     """The first record of a recording, which a recorder begins with its setting; None where nothing
     can be read.
     """
-    return next(iter(Reading(path)), None)
+    return next(iter(Reading(path, system)), None)
 
 
 def _kind(topic: str) -> type:

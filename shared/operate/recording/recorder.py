@@ -29,7 +29,7 @@ from agent_runtime.io.run_files import ProcessHeartbeat, make_run
 from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, MUCH_BYTES, OFFSET
 from agent_runtime.io.tap import Sample, Tap, Waiting, open_tap
 from operate.fault_lines import FaultFile
-from operate.file_names import LIVE_FILE, STEPS, VERDICTS_FILE
+from operate.file_names import LIVE_FILE, STEPS, TRAFFIC_FILE, VERDICTS_FILE
 from operate.judging.judged import Judging, encoded
 from operate.judging.live import Live
 from operate.live_lines import Against, Happened
@@ -37,7 +37,7 @@ from operate.pictures.feed import Feed, feeding
 from operate.recording.contents import versions_now
 from operate.recording.ends import Ends
 from operate.recording.index import NOTE
-from operate.recording.mcap_file import FILE, Recording, cursor
+from operate.recording.mcap_file import Recording, cursor
 from operate.recording.records import (
     FAULT,
     HEARTBEAT,
@@ -223,7 +223,7 @@ class Recorder:
         """
         make_run(run)
         before = cursor(run)
-        self._recording = Recording(run / FILE, before)
+        self._recording = Recording(run / TRAFFIC_FILE, before)
         self._live_file, self._verdicts = _Lines(run / LIVE_FILE), _Lines(run / VERDICTS_FILE)
         self._repeats, self._garbage = Repeats[Judged](_OTHERS), Repeats[str]("")
         self._full = False
@@ -411,7 +411,7 @@ class Recorders:
             for name, run in where.items()
         }
         self._all = tuple(self._of.values())
-        self.files = {name: str(run / FILE) for name, run in where.items()}
+        self.files = {name: str(run / TRAFFIC_FILE) for name, run in where.items()}
 
     @property
     def counts(self) -> dict[str, int]:

@@ -19,7 +19,6 @@ from fipa_codec.errors import FipaError
 from fipa_codec.languages import Kind, Languages
 from operate.fault_lines import Fault
 from operate.live_lines import Sent
-from operate.structs import alike
 from operate.system import System
 from topdown.model.design import Design
 
@@ -111,6 +110,12 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
         """Return the use that its content makes of its performative."""
         return self._read[1]
 
+    @property
+    def known(self) -> tuple[Any, Kind]:
+        """Content and kind, where they were read already; (None, plain) where not."""
+        found: tuple[Any, Kind] = self.__dict__.get("_read", (None, Kind.PLAIN))
+        return found
+
     def read_in(self, languages: Languages | None) -> "Spoken":
         """The same communicate, whose content is read in these languages."""
         self.__dict__["languages"] = languages
@@ -120,11 +125,11 @@ class Spoken(msgspec.Struct, frozen=True, dict=True):
     def _read(self) -> tuple[Any, Kind]:
         if "languages" not in self.__dict__:
             raise NotReadable
-        languages: Languages | None = self.__dict__["languages"]
         try:
-            return languages.read(self.communicate) if languages is not None else (None, Kind.PLAIN)
+            communicate = self.communicate
         except FipaError:
             return None, Kind.PLAIN
+        return read_content(communicate, self.__dict__["languages"])
 
     def bare(self) -> "Spoken":
         """The same communicate without its content, which the log of its receiver has."""
@@ -244,21 +249,41 @@ def spoken(
     received: float,
     system: System,
     origin: Origin = Origin.RECEIVER,
+    *,
+    words: bool = True,
 ) -> Spoken:
-    """The record of a communicate that the design knows. Raise LookupError for another one."""
-    read = alike(
-        Spoken,
-        communicate,
+    """The record of a communicate that the design knows, with its content in a few `words`. Raise
+    LookupError for another one.
+    """
+    content = read_content(communicate, system.languages)
+    one = communicate
+    told = Spoken(
         size=len(wire),
-        performative=str(communicate.performative),
-        channel=system.design.rule(communicate).channel,
+        sender=one.sender,
+        receiver=one.receiver,
+        performative=str(one.performative),
+        protocol=one.protocol,
+        language=one.language,
+        conversation=one.conversation,
+        channel=system.design.rule(one).channel,
+        id=one.id,
+        sent=one.sent,
         received=received,
         wire=wire,
         origin=origin,
+        text=system.words(content[0]) if words else "",
     ).read_in(system.languages)
-    told = msgspec.structs.replace(read, text=system.words(read.content))
-    told.__dict__.update(read.__dict__)  # what was decoded is not decoded again
+    # what was decoded is not decoded again
+    told.__dict__.update(communicate=communicate, _read=content)
     return told
+
+
+def read_content(one: Communicate, languages: Languages | None) -> tuple[Any, Kind]:
+    """The content of a communicate and its kind; None without content, or if it cannot be read."""
+    try:
+        return languages.read(one) if languages is not None else (None, Kind.PLAIN)
+    except FipaError:
+        return None, Kind.PLAIN
 
 
 def _house(sample: Sample, chunks: list[str]) -> Record:

@@ -6,13 +6,16 @@ logs, or where a recording stands alone. So it does not matter when the recorder
 it lived. Must not know: what a tool wants of it.
 """
 
-from collections.abc import Iterator
+import gc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cached_property
 from pathlib import Path
 
 import msgspec
 
 from agent_runtime.io.tap import Sample
+from operate.doing import doing
 from operate.fault_lines import FaultFile, done
 from operate.file_names import FLEET_FILE, LIVE_FILE, STEPS, TRAFFIC_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
@@ -23,7 +26,15 @@ from operate.recording.ends import RECEIPT, Ends
 from operate.recording.history import History
 from operate.recording.index import NoRecordingError
 from operate.recording.mcap_file import Read
-from operate.recording.records import HEARTBEAT, Garbage, House, Record, Spoken, Unpaired, sampled
+from operate.recording.records import (
+    HEARTBEAT,
+    Garbage,
+    House,
+    Record,
+    Spoken,
+    Unpaired,
+    sampled,
+)
 from operate.structs import NothingToRead, alike
 from operate.system import System, of_run
 from operate.tracing.reasons import Why, absent, content_text, ending
@@ -31,6 +42,8 @@ from operate.tracing.trace import Span, Trace
 from operate.verdict_lines import Judged
 from topdown.check.recorded import Observation, Observed
 
+HOUSES, LOGGED = "house", ("communicates", "unpaired")
+"""Topics (mcap_file.topic) of samples that are no communicates; of what agents' logs have."""
 NOT_UP = (ProcessState.GIVEN_UP, ProcessState.BACKING_OFF)
 
 
@@ -47,16 +60,32 @@ class Run:
     @cached_property
     def recorded(self) -> Read:
         """The records in the order of time, and whether the recorder ended in order."""
-        folder = self.place.is_dir()
-        found = mcap_file.read(self.place / TRAFFIC_FILE if folder else self.place, self.system)
-        records = _in_order(found.records)
-        if folder and any((self.place / STEPS).glob(f"*.{STEPS}")):
-            ends = Ends(self.place, self.system)
-            for one in records:
-                if isinstance(one, House) and one.kind == HEARTBEAT:
-                    ends.lived(one.owner, one.received)
-            records = _in_order((*(one for one in records if not _is_logged(one)), *ends.rest()))
-        return Read(records, found.whole)
+        return self._read(lambda topic: True)
+
+    def _read(self, wanted: Callable[[str], bool], *, words: bool = True) -> Read:
+        """Read what is on these topics, and what the agents' logs have, with contents in a few
+        `words`.
+        """
+        logged = self.place.is_dir() and any((self.place / STEPS).glob(f"*.{STEPS}"))
+        with _at(f"reading {self.place}"):
+            found = mcap_file.read(
+                self.file,
+                self.system,
+                (lambda topic: wanted(topic) and not _is_in_logs(topic)) if logged else wanted,
+            )
+            records = found.records
+            if logged:
+                ends = Ends(self.place, self.system, words=words)
+                for one in records:
+                    if isinstance(one, House) and one.kind == HEARTBEAT:
+                        ends.lived(one.owner, one.received)
+                records = (*(one for one in records if not _is_logged(one)), *ends.rest())
+            return Read(_in_order(records), found.whole)
+
+    @property
+    def file(self) -> Path:
+        """The recording."""
+        return self.place / TRAFFIC_FILE if self.place.is_dir() else self.place
 
     @property
     def records(self) -> tuple[Record, ...]:
@@ -66,14 +95,37 @@ class Run:
     @cached_property
     def judged(self) -> tuple[Judged, ...]:
         """All verdicts about what was said, in the order of time."""
-        return judged.of_records(self.records, self.system)
+        return _judged(self.records, self.system)
 
     @cached_property
     def history(self) -> History:
         """What was said, heard and told, with what the files of a run folder tell besides."""
-        past = history.of_records(
-            self.records, self.system, whole=self.recorded.whole, verdicts=self.judged
-        )
+        return self._history(self.recorded, self.judged)
+
+    @cached_property
+    def talk(self) -> History:
+        """The history without the signals of processes, such as telemetry, which are most of a
+        recording: whoever asks what was said need not wait for them.
+        """
+        if "recorded" in self.__dict__:
+            return self.history
+        verdicts = _judged(self._talk.records, self.system, words=False)
+        return self._history(self._talk, verdicts)
+
+    @property
+    def talk_records(self) -> tuple[Record, ...]:
+        """The records that `talk` is made of, or all. Their contents may not be in words."""
+        return self.records if "recorded" in self.__dict__ else self._talk.records
+
+    @cached_property
+    def _talk(self) -> Read:
+        return self._read(_is_talk, words=False)
+
+    def _history(self, read: Read, verdicts: tuple[Judged, ...]) -> History:
+        with _at("putting the history together"):
+            past = history.of_records(
+                read.records, self.system, whole=read.whole, verdicts=verdicts
+            )
         if not self.place.is_dir():
             return past
         later = FaultFile(self.place).new()  # written while no recorder lived
@@ -86,7 +138,9 @@ class Run:
         are by time.
         """
         logs = sorted((self.place / STEPS).glob(f"*.{STEPS}")) if self.place.is_dir() else []
-        return traced.of(self.records, self.history, logs, self.system)
+        past = self.talk
+        with _at("looking for what caused what"):
+            return traced.of(self.talk_records, past, logs, self.system)
 
     def samples(self, *, everything: bool = False) -> Iterator[Sample]:
         """The records as samples; without `everything` communicates, tokens and what was no
@@ -121,11 +175,9 @@ class Run:
 def opened(place: Path, system: System | None = None) -> Run:
     """The run at this place. Raise NoRecordingError where it has no record."""
     run = Run(place, system)
-    if not run.records:
-        path = place / TRAFFIC_FILE if place.is_dir() else place
-        raise NoRecordingError(
-            path, "holds no record that can be read" if path.is_file() else "is not there"
-        )
+    if mcap_file.first(run.file, run.system) is None and not run.records:
+        why = "holds no record that can be read" if run.file.is_file() else "is not there"
+        raise NoRecordingError(run.file, why)
     return run
 
 
@@ -150,6 +202,39 @@ def verdicts(place: Path, system: System) -> tuple[Judged, ...]:
 
 def _in_order(records: tuple[Record, ...]) -> tuple[Record, ...]:
     return tuple(sorted(records, key=lambda one: one.received))
+
+
+@contextmanager
+def _at(words: str) -> Iterator[None]:
+    """Be at work on many records. None of them is in a circle: to look for circles among them again
+    and again takes an eighth of the time, and finds nothing.
+    """
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        with doing(words):
+            yield
+    finally:
+        if collects:
+            gc.enable()
+
+
+def _judged(
+    records: tuple[Record, ...], system: System, *, words: bool = True
+) -> tuple[Judged, ...]:
+    with _at(f"judging {len(records)} records"):
+        return judged.of_records(records, system, words=words)
+
+
+def _is_talk(topic: str) -> bool:
+    """Whether a topic has what agents say, or what tells of their lives."""
+    kind, _, name = topic.partition("/")
+    return kind != HOUSES or name in history.NO_SIGNALS
+
+
+def _is_in_logs(topic: str) -> bool:
+    """Whether agents' logs have all that is on a topic."""
+    return topic.partition("/")[0] in LOGGED or topic == f"{HOUSES}/{RECEIPT}"
 
 
 def _is_logged(record: Record) -> bool:
@@ -210,11 +295,11 @@ def people(trace: Trace, system: System) -> tuple[Span, ...]:
 
 def _of_task(run: Run, span: Span) -> Why:
     more = run.system.addition("why")
-    own = [] if more is None else more(run, span)
+    sentence, own = ("", ()) if more is None else more(run, span)
     passages = [ending(run.trace, span), *own, absent(run.trace, span)]
     what, took, last = span.text or span.protocol, span.end - span.start, span.last
     content = f": {content_text(last)}" if content_text(last) else ""
     ended = f"ended after {took:.1f} s with {last.performative}{content}"
     text = f"{what}: {ended if span.ended else f'open for {took:.1f} s'}"
     found = tuple(one for one in passages if one is not None and one.facts)
-    return Why(span.id, text, run.trace.begin, found)
+    return Why(span.id, text, run.trace.begin, found, sentence)

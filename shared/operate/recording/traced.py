@@ -81,9 +81,9 @@ def _steps(log: Path, said: list[Message], system: System) -> Iterator[Step]:
     for one in said:
         if one.sender == agent:
             mine[one.sent].append(one.identity)
-    waiting: list[Communicate] = []
+    waiting: dict[Identity, Communicate] = {}
     for step in _read(log):
-        came = _came(step, waiting)
+        came = None if step.took else _came(step, waiting)
         took, certain = _took(step, agent, came, waiting, system)
         if said_now := mine.pop(step.at, []):
             event = "" if step.deed is None else step.deed.event
@@ -97,7 +97,7 @@ def _read(log: Path) -> Iterator[steplog.Step]:
         return
 
 
-def _came(step: steplog.Step, waiting: list[Communicate]) -> Communicate | None:
+def _came(step: steplog.Step, waiting: dict[Identity, Communicate]) -> Communicate | None:
     """Return the communicate that came into a step; it waits to be taken from then on."""
     if step.kind != Arrived.__name__:
         return None
@@ -105,16 +105,14 @@ def _came(step: steplog.Step, waiting: list[Communicate]) -> Communicate | None:
         came = msgspec.msgpack.decode(step.input, type=Arrived).communicate
     except UNREADABLE:
         return None
-    if all(_identity(one) != _identity(came) for one in waiting):  # else a copy
-        waiting.append(came)
-    return next(one for one in waiting if _identity(one) == _identity(came))
+    return waiting.setdefault(_identity(came), came)  # a copy is no other one
 
 
 def _took(
     step: steplog.Step,
     agent: str,
     came: Communicate | None,
-    waiting: list[Communicate],
+    waiting: dict[Identity, Communicate],
     system: System,
 ) -> tuple[Identity | None, bool]:
     """Return the communicate that a step took, and whether the log names it; older ones have its
@@ -122,15 +120,17 @@ def _took(
     """
     if step.took:
         sender, _, name = step.took.partition(" ")
-        return (sender, agent, name), True
+        taken = sender, agent, name
+        waiting.pop(taken, None)
+        return taken, True
     if step.deed is None or step.deed.took is None:
         # the runtime itself answers what no behaviour sees
         answered = came if step.deed is None else None
         return (None if answered is None else _identity(answered)), True
-    found = next((one for one in waiting if _fits(one, step.deed, system)), None)
+    found = next((one for one in waiting.values() if _fits(one, step.deed, system)), None)
     if found is None:
         return None, False
-    waiting.remove(found)
+    del waiting[_identity(found)]
     return _identity(found), found is came
 
 

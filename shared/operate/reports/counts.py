@@ -6,8 +6,10 @@ communicates; re-sent copies are counted apart. A latency is what the sender wai
 log; without one, as the recorder heard it. All other times are the recorder's.
 """
 
+from bisect import bisect_left
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
+from operator import attrgetter
 from statistics import median
 
 import msgspec
@@ -194,7 +196,9 @@ def _receipted(history: History, design: Design) -> Callable[[Spoken], float | N
         number = number_of(one.id) if design.rule(one.communicate).durable else None
         if number is None:
             return None
-        covering = (t for t in told[one.receiver, one.sender] if t.receipt.taken >= number)
-        return history.took(one, next((t.at for t in covering if t.at >= one.sent), None))
+        later = told[one.receiver, one.sender]
+        since = range(bisect_left(later, one.sent, key=attrgetter("at")), len(later))
+        covering = (later[place].at for place in since if later[place].receipt.taken >= number)
+        return history.took(one, next(covering, None))
 
     return measure

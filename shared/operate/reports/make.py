@@ -9,7 +9,8 @@ from collections.abc import Callable
 from typing import Any
 
 from agent_runtime.io.run_files import write_whole
-from operate.file_names import REPORT_FILE, RRD_FILE, VERDICTS_FILE
+from operate.doing import doing
+from operate.file_names import FAULTS_FILE, REPORT_FILE, RRD_FILE, STEPS, VERDICTS_FILE
 from operate.judging.judged import encoded
 from operate.recording.run import Run
 from operate.reports import report
@@ -18,11 +19,11 @@ PAGE_FILE = "report.html"
 Say = Callable[..., None]
 
 
-def everything(run: Run, say: Say) -> bool:
+def everything(run: Run, say: Say, *, again: bool = True) -> bool:
     """Make all three; `say(event, level, **fields)` is told what was made and what was not.
 
-    Where no recorder ended in order its verdicts are made again, too. True: all that can be made
-    here.
+    Where no recorder ended in order its verdicts are made again, too. Not `again`: page and
+    pictures that are newer than the recording stay. True: all that can be made here.
     """
     folder = run.place
     try:
@@ -38,14 +39,26 @@ def everything(run: Run, say: Say) -> bool:
     told = [name for name in ("success", "failure") if hasattr(figures, name)]
     outcome = {name: getattr(figures, name) or "" for name in told}
     say("report", **outcome, file=str(folder / REPORT_FILE))
-    page = _try(PAGE_FILE, lambda: _page(run, figures), say)
-    pictures = _try(RRD_FILE, lambda: _pictures(run), say)
-    return page and pictures
+    wanted = {PAGE_FILE: lambda: _page(run, figures), RRD_FILE: lambda: _pictures(run)}
+    old = (name for name in wanted if again or not current(run, name))
+    made = [_try(name, wanted[name], say) for name in old]
+    return all(made)
+
+
+def current(run: Run, name: str) -> bool:
+    """Whether a file of a run folder is newer than the recording and the logs."""
+    sources = (run.file, run.place / FAULTS_FILE, *(run.place / STEPS).glob(f"*.{STEPS}"))
+    try:
+        made = (run.place / name).stat().st_mtime_ns
+    except OSError:
+        return False
+    return all(one.stat().st_mtime_ns < made for one in sources if one.exists())
 
 
 def _try(name: str, make: Callable[[], None], say: Say) -> bool:
     try:
-        make()
+        with doing(f"drawing {name}"):
+            make()
     except ModuleNotFoundError as error:
         why = (
             f"{error.name} is not installed here; `roco report` makes it where the extra"

@@ -108,7 +108,7 @@ class Report(msgspec.Struct, frozen=True):
 def of(history: History, system: System) -> Any:
     """Return the figures of a run as its system has them: its addition `report`, or `build`."""
     own = system.addition("report")
-    return build(history, system) if own is None else own(history)
+    return build(history, system) if own is None else history.once(own)
 
 
 def build(history: History, system: System) -> Report:

@@ -47,13 +47,15 @@ class Passage(msgspec.Struct, frozen=True):
 
 class Why(msgspec.Struct, frozen=True):
     """The answer to "why?". `about`: a task or a thing; `text`: what it is, and what became of it;
-    `begin`: of the run [unix s].
+    `begin`: of the run [unix s]. `sentence`: the answer for a person who knows no robots, "" of a
+    system that has none.
     """
 
     about: str
     text: str
     begin: float
     passages: tuple[Passage, ...]
+    sentence: str = ""
 
 
 def record(one: Message) -> str:

@@ -3,14 +3,17 @@ them.
 """
 
 import json
+import re
 from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
 from companion.languages import hfsm, rc
-from companion.tools.why import _ends
+from companion.tools.why import _ends, _wish
 from console.__main__ import app
+from services.human_interface.grammar import understand
+from services.human_interface.interpretation import Act, Context, in_words, outcome
 
 pytestmark = pytest.mark.usefixtures("answered_here")
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -44,6 +47,32 @@ def test_why_two_plans():
     assert text in plans[1]
     assert went[0].startswith("ta ended plan 1 with Replan after 11 acts: ")
     assert went[1].startswith("ta ended plan 2 with Succeeded after 2 acts")
+
+
+def test_a_plain_sentence_comes_first():
+    """As the robot tells it: what was asked for, what became of it, why; of a thing where it is."""
+    sentence = "Done: pour the content of the jar into the bowl. It took 75 seconds."
+    assert asked("why")["sentence"] == sentence
+    done = CliRunner().invoke(app, ["why", "--run", str(POUR)])
+    assert done.stdout.startswith(f"{sentence}\n\n")
+    assert asked("why", "jar", "--at", "30")["sentence"] == "My left hand holds the jar."
+    assert asked("why", "bowl", "--at", "12")["sentence"] == "I see where the bowl is now."
+
+
+@pytest.mark.parametrize("word", ["take the jar", "pour the jar into the bowl", "clear the table"])
+def test_a_wish_is_told_as_hi_tells_it(word):
+    """A sentence from which the same command is understood."""
+    found = outcome(understand(word), Context())
+    assert isinstance(found, Act)
+    assert _wish(found.tasks[0]) == in_words(found.tasks[:1])
+
+
+def test_no_amount_is_told_with_more_digits_than_people_read():
+    """Of no thing, at no time."""
+    for thing in ("jar", "bowl", "cabinet_2"):
+        for at in ("12", "30", "60", "85"):
+            for fact in asked("why", thing, "--at", at)["passages"][0]["facts"]:
+                assert not re.search(r"\d\.\d{4}", fact["text"]), fact
 
 
 def test_what_is_believed_of_a_thing_is_what_ask_answers():

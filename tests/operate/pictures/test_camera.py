@@ -13,6 +13,7 @@ from companion.telemetry import Found, Picture, RobotState
 from companion.tools.pictures.drawers import CAMERA, MARKERS
 from companion.tools.system import SYSTEM
 from companion.tools.telemetry import pictures, robot
+from operate.file_names import TRAFFIC_FILE
 from operate.pictures.file import write
 from operate.pictures.sheet import images, outlines
 from operate.pictures.stage import Reader, Stage
@@ -98,7 +99,7 @@ def test_rerun_gets_each_picture_as_it_is() -> None:
 
 def test_pictures_go_through_a_recording(seen: list[Record], tmp_path: Path) -> None:
     """Into traffic.mcap and out again, then into run.rrd: two more rows than without them."""
-    file = mcap_file.Recording(tmp_path / mcap_file.FILE)
+    file = mcap_file.Recording(tmp_path / TRAFFIC_FILE)
     for record in seen:
         file.add(record)
     file.finish()

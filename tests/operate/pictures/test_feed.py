@@ -21,13 +21,12 @@ from synthetic import Run
 
 from agent_runtime.io.tap import Sample
 from companion.tools.system import SYSTEM
-from operate.file_names import VERDICTS_FILE, VIEW_FILE
+from operate.file_names import TRAFFIC_FILE, VERDICTS_FILE, VIEW_FILE
 from operate.pictures import feed as feeding
 from operate.pictures.__main__ import Past
 from operate.pictures.feed import OVERHEAD, Feed, Queue
 from operate.pictures.stage import Reader
 from operate.pictures.viewer_address import Place, ViewSettingError, wanted
-from operate.recording import mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
 from operate.verdict_lines import Judged
@@ -265,7 +264,7 @@ def test_each_sample_is_in_the_recording_or_fed(
         recorder.flush()
         then = tmp_path / "then"  # when the child reads it
         then.mkdir()
-        for name in (mcap_file.FILE, VERDICTS_FILE):
+        for name in (TRAFFIC_FILE, VERDICTS_FILE):
             shutil.copy(tmp_path / name, then)
         recorder.take(late)
         assert eventually(lambda: not feed._queue.bytes)

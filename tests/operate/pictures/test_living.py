@@ -19,7 +19,7 @@ from synthetic import Run
 from test_feed import eventually, spoken
 
 from companion.tools.system import SYSTEM
-from operate.file_names import VIEW_FILE
+from operate.file_names import TRAFFIC_FILE, VIEW_FILE
 from operate.fleet_file import ViewAddress
 from operate.pictures import __main__ as child
 from operate.pictures import feed as feeding
@@ -107,7 +107,7 @@ def test_pictures_come_back_and_nothing_is_missing_in_the_recording(
         some(len(pouring.samples))
     finally:
         recorder.finish()
-    records = mcap_file.read(tmp_path / mcap_file.FILE).records
+    records = mcap_file.read(tmp_path / TRAFFIC_FILE).records
     assert sum(isinstance(one, Spoken) for one in records) == len(pouring.said)
     assert not serves(tmp_path)
 

@@ -13,6 +13,7 @@ from agent_runtime.io.journal import MAGIC, frame
 from agent_runtime.io.steplog import StepLogs
 from agent_runtime.io.tap import Sample
 from fipa_codec.communicate import Communicate, encode
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import dead, mcap_file
 from operate.recording.records import Record, Spoken, understood
 from operate.recording.run import Run
@@ -44,13 +45,13 @@ def said(act: str) -> Communicate:
 
 def records() -> tuple[Record, ...]:
     """All that was recorded."""
-    return mcap_file.read(DEPOT / mcap_file.FILE).records
+    return mcap_file.read(DEPOT / TRAFFIC_FILE).records
 
 
 def add(run: Path, *more: Record) -> None:
     """Record something more at the end of the run."""
-    (run / mcap_file.FILE).unlink()
-    recording = mcap_file.Recording(run / mcap_file.FILE)
+    (run / TRAFFIC_FILE).unlink()
+    recording = mcap_file.Recording(run / TRAFFIC_FILE)
     for one in (*records(), *more):
         recording.add(one)
     recording.finish()

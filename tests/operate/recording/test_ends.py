@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from agent_runtime.io.steplog import MUCH_BYTES, StepLogs
 from fipa_codec.communicate import Communicate
-from operate.file_names import STEPS
+from operate.file_names import STEPS, TRAFFIC_FILE
 from operate.judging.judged import of_records
 from operate.recording import ends, mcap_file
 from operate.recording.ends import LOST_S, RECEIPT, SURE_S, Ends
@@ -56,7 +56,7 @@ def test_the_logs_have_what_the_recorder_recorded() -> None:
     """Communicates, copies, lives and receipts, though two agents were killed; in the order of
     time, as designed.
     """
-    recorded = mcap_file.read(DEPOT / mcap_file.FILE, SYSTEM).records
+    recorded = mcap_file.read(DEPOT / TRAFFIC_FILE, SYSTEM).records
     said = [one for one in recorded if isinstance(one, Spoken)]
     assert len(said) > 50
     assert names(one for one in WHOLE if isinstance(one, Spoken)) == names(said)
@@ -120,11 +120,11 @@ def test_a_recorder_that_was_killed_misses_nothing_and_repeats_nothing(shares: l
             left = shutil.copytree(run, Path(folder) / str(number + 1))
             recorder.finish()
             run = left
-            with (run / mcap_file.FILE).open("ab") as file:
+            with (run / TRAFFIC_FILE).open("ab") as file:
                 file.write(b"\x05 what a kill cut off")
         grow(run, 1.0)
         Recorder(run, SYSTEM).finish()
-        found = mcap_file.read(run / mcap_file.FILE, SYSTEM)
+        found = mcap_file.read(run / TRAFFIC_FILE, SYSTEM)
         assert found.whole
         assert names(one for one in found.records if not _only_said(one)) == names(WHOLE)
         assert not [one for one in of_records(Run(run, SYSTEM).records, SYSTEM) if one.violation]
@@ -144,11 +144,11 @@ def test_a_large_content_is_stored_once(tmp_path: Path) -> None:
     one = msgspec.structs.replace(first("request"), content=large)
     StepLogs(tmp_path).passed(one, one.sent)
     Recorder(tmp_path, SYSTEM).finish()
-    (alone,) = spoken(mcap_file.read(tmp_path / mcap_file.FILE).records)
+    (alone,) = spoken(mcap_file.read(tmp_path / TRAFFIC_FILE).records)
     (whole,) = spoken(Run(tmp_path, SYSTEM).records)
     assert (alone.lost, alone.size, whole.lost) == (True, whole.size, False)
     assert whole.communicate == one
-    assert (tmp_path / mcap_file.FILE).stat().st_size < MUCH_BYTES
+    assert (tmp_path / TRAFFIC_FILE).stat().st_size < MUCH_BYTES
 
 
 # --- two logs that do not agree -------------------------------------------------------------------

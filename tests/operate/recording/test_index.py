@@ -9,23 +9,25 @@ from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
-from mcap.records import Channel, Footer, Message, Schema
+from mcap.records import Channel, Footer, Header, Message, Metadata, Schema
+from mcap.stream_reader import StreamReader
 from mcap.writer import IndexType, Writer
 from synthetic import Run
 from typer.testing import CliRunner
 
 from companion.tools.system import SYSTEM
 from console.__main__ import app
-from operate.recording import mcap_file
+from operate.file_names import TRAFFIC_FILE
 from operate.recording.contents import contents
 from operate.recording.index import stored
-from operate.recording.mcap_file import Recording, read
+from operate.recording.mcap_file import Recording, read, topic
 from operate.recording.recorder import Recorder
 from operate.recording.records import Record, understood
 
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7" / "traffic.mcap"
 RERUN = (sys.executable, "-m", "rerun")
 DEADLINE_S = 60.0
+KINDS = (Channel, Footer, Header, Message, Metadata, Schema)
 
 
 @pytest.fixture(scope="module")
@@ -82,7 +84,7 @@ def test_other_tools_count_what_was_recorded(pouring: Run, tmp_path: Path) -> No
     """This holds for a recorder that ends in order, also for one that went on in the file of
     another.
     """
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     for samples in (pouring.samples[:300], pouring.samples[300:400]):
         recorder = Recorder(tmp_path, SYSTEM)
         for sample in samples:
@@ -103,7 +105,7 @@ def test_a_recording_that_was_not_closed_is_repaired(
     """Nothing that could be read is lost; it says that it was repaired, and what was torn off is
     kept beside.
     """
-    path, other = tmp_path / "a" / mcap_file.FILE, tmp_path / mcap_file.FILE
+    path, other = tmp_path / "a" / TRAFFIC_FILE, tmp_path / TRAFFIC_FILE
     recording = Recording(path)
     for record in records:
         recording.add(record)
@@ -146,10 +148,33 @@ def older(path: Path) -> None:
     writer.finish()
 
 
+@pytest.mark.parametrize("topics", [{"communicates/C4", "tokens"}, {"house/state"}, set[str]()])
+def test_topics_that_are_wanted_are_read_alone(topics: set[str], tmp_path: Path) -> None:
+    """In their order, also of files that were joined, whose channels have other numbers."""
+    other = Recording(tmp_path / "other.mcap")
+    for record in reversed(read(POUR, SYSTEM).records):
+        other.add(record)
+    other.finish()
+    both = tmp_path / "both.mcap"
+    both.write_bytes(POUR.read_bytes() + (tmp_path / "other.mcap").read_bytes())
+    every, some = (read(both, SYSTEM, wanted) for wanted in (lambda _: True, topics.__contains__))
+    assert some.records == tuple(one for one in every.records if topic(one) in topics)
+    assert some.whole is every.whole is True
+
+
+def test_records_are_read_as_the_library_reads_them(tmp_path: Path) -> None:
+    """In chunks and without; of what only repeats others nothing is read."""
+    older(tmp_path / "older.mcap")
+    for path in (POUR, tmp_path / "older.mcap"):
+        with path.open("rb") as ours, path.open("rb") as theirs:
+            found = [one for one in StreamReader(theirs).records if isinstance(one, KINDS)]
+            assert list(stored(ours)) == found
+
+
 @pytest.mark.process
 def test_a_recording_of_an_older_version_is_repaired(tmp_path: Path) -> None:
     """It was closed in order, without chunks: Rerun read nothing from it, and said nothing."""
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     older(path)
     before = read(path)
     assert by_rerun(path) == 0
@@ -160,7 +185,7 @@ def test_a_recording_of_an_older_version_is_repaired(tmp_path: Path) -> None:
 
 def test_a_recording_that_goes_on_is_left_alone(records: list[Record], tmp_path: Path) -> None:
     """Else what its recorder hears from then on would go to a file that has no name any more."""
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     recording = Recording(path)
     recording.add(records[0])
     recording.flush()
@@ -185,7 +210,7 @@ def test_where_there_is_no_room_for_the_index_the_recording_stays(
     records: list[Record], tmp_path: Path
 ) -> None:
     """It is whole, and says why it has no index."""
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     recording = Recording(path)
     for record in records:
         recording.add(record)

@@ -19,7 +19,7 @@ from companion.tools import live as tools_live
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.performatives import Performative
-from operate.file_names import LIVE_FILE, VERDICTS_FILE
+from operate.file_names import LIVE_FILE, TRAFFIC_FILE, VERDICTS_FILE
 from operate.judging import live
 from operate.live_lines import Against, Happened, LiveLine
 from operate.recording import mcap_file, recorder
@@ -137,7 +137,7 @@ def test_a_recording_is_gone_on_with_in_little_memory(tmp_path: Path) -> None:
     said = [one for one in Run(RECORDED, SYSTEM).history.said if one.channel == "C4"][:2]
     peaks = []
     for blocks in (1, 4):
-        path = tmp_path / str(blocks) / mcap_file.FILE
+        path = tmp_path / str(blocks) / TRAFFIC_FILE
         first = mcap_file.Recording(path)
         for sample in Again(said).block(blocks * BLOCK):
             first.add(understood(sample, SYSTEM))
@@ -196,7 +196,7 @@ def test_violations_of_a_kind_are_told_singly_then_as_a_sum(tmp_path: Path) -> N
 def test_of_what_is_no_communicate_the_first_of_a_key_are_recorded(tmp_path: Path) -> None:
     """Enough to see what it was."""
     flooded(tmp_path, []).finish()
-    records = mcap_file.read(tmp_path / mcap_file.FILE, SYSTEM).records
+    records = mcap_file.read(tmp_path / TRAFFIC_FILE, SYSTEM).records
     assert sum(isinstance(one, Garbage) for one in records) == SINGLY
 
 
@@ -212,7 +212,7 @@ def test_a_recording_that_is_full_ends_with_words(
     one.flush()
     one.finish()
     assert [line["event"] for line in said].count("disk limit") == 1
-    records = mcap_file.read(tmp_path / mcap_file.FILE, SYSTEM)
+    records = mcap_file.read(tmp_path / TRAFFIC_FILE, SYSTEM)
     assert records.whole
     assert b"late" not in [one.data for one in records.records if isinstance(one, Garbage)]
     assert b"disk limit" in (tmp_path / LIVE_FILE).read_bytes()

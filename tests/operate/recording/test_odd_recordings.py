@@ -21,6 +21,7 @@ from typer.testing import CliRunner
 from companion.tools.system import SYSTEM
 from companion.tools.verbs.ask import known
 from console.__main__ import app
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import mcap_file
 from operate.recording.index import CHUNK_LIMIT
 from operate.recording.mcap_file import Reading
@@ -46,7 +47,7 @@ def planted(folder: Path, content: bytes) -> Path:
 
 def in_a_run(folder: Path, content: bytes) -> Path:
     """A run folder with it."""
-    planted(folder, content).rename(folder / mcap_file.FILE)
+    planted(folder, content).rename(folder / TRAFFIC_FILE)
     return folder
 
 

@@ -1,6 +1,7 @@
 """The report says what was recorded: counts are direct counts, what is missing is named."""
 
 import base64
+import os
 from collections import Counter
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from companion.telemetry import Picture
 from companion.tools.report import page, plans, report
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
+from operate.file_names import TRAFFIC_FILE
 from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
 from operate.recording.records import Garbage, Origin, Record, Spoken, understood
@@ -148,7 +150,7 @@ def test_a_recording_cut_off_anywhere_is_readable_up_to_there(pouring: Run, tmp_
     hole.
     """
     record(pouring.samples, tmp_path)
-    path = tmp_path / mcap_file.FILE
+    path = tmp_path / TRAFFIC_FILE
     whole = mcap_file.read(path)
     assert whole.whole
     assert list(whole.records) == records(pouring.samples)
@@ -179,6 +181,24 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
     assert "src=" not in page
     assert "http" not in page.replace("http://www.w3.org", "")
     assert (tmp_path / "run.rrd").stat().st_size > 100_000
+
+
+def test_what_is_newer_than_the_recording_is_not_drawn_again(pouring: Run, tmp_path: Path) -> None:
+    """Unless it is wanted again, or the recording has changed since."""
+    record(pouring.samples[:50], tmp_path)
+    run, drawn = RecordedRun(tmp_path, SYSTEM), list[str]()
+
+    def made(*, again: bool) -> list[str]:
+        drawn.clear()
+        everything(run, lambda _, file="", **__: drawn.append(Path(file).name), again=again)
+        return drawn[1:]
+
+    assert made(again=False) == ["report.html", "run.rrd"]
+    assert made(again=False) == []
+    assert made(again=True) == ["report.html", "run.rrd"]
+    later = (tmp_path / "run.rrd").stat().st_mtime_ns
+    os.utime(tmp_path / TRAFFIC_FILE, ns=(later, later))
+    assert made(again=False) == ["report.html", "run.rrd"]
 
 
 def test_an_empty_folder_gives_a_report_that_says_so(tmp_path: Path) -> None:

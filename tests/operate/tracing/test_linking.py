@@ -1,14 +1,23 @@
 """Parents of conversations, and the evidence for them."""
 
 import re
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
+from msgspec.structs import replace
 
+from agent_runtime.core.events import Arrived
+from agent_runtime.io.steplog import NOTHING, StepLog
+from agent_runtime.io.steplog import Step as LoggedStep
 from companion.tools.system import SYSTEM
+from fipa_codec.communicate import Communicate
+from fipa_codec.performatives import Performative
 from operate.recording.run import opened
+from operate.recording.traced import _steps
 from operate.tracing.otlp import CLIENT, ERROR, SERVER, exported
 from operate.tracing.trace import Known, Message, Span, Step, Talk, Trace, spans
 
@@ -189,3 +198,26 @@ def test_a_no_is_an_error_with_its_reason() -> None:
     going = Span("c", "c", "request", "C1", "a", "b", "go", 1.0, 1.0, False, messages=(asked,))
     told = spans_of(exported(Trace("s", 1.0, (going,)), [going]))
     assert [one["status"] for _, one in told] == [{}, {}]
+
+
+@pytest.mark.parametrize("history", ["pour_seed_7", "verified_pour_seed_7"])
+def test_a_trace_needs_no_signals(history: str) -> None:
+    """It is the same whether or not the telemetry was read before."""
+    place = HISTORIES / history
+    alone, after = opened(place), opened(place)
+    assert after.history.said
+    assert alone.trace == after.trace
+
+
+def test_a_long_log_is_traced_in_a_time_that_grows_with_it(tmp_path: Path) -> None:
+    """Of messages that were taken at once none is looked for among all that came before."""
+    log = StepLog(tmp_path / "co.steps")
+    one = Communicate(performative=Performative.INFORM, sender="hi", receiver="co", protocol="x")
+    for number in range(20_000):
+        data = msgspec.msgpack.encode(Arrived(replace(one, id=str(number))))
+        took = f"hi {number}"
+        log.write([(LoggedStep(1, number, 1.0, Arrived.__name__, data, took=took), NOTHING)])
+    log.close()
+    begun = time.process_time()
+    assert list(_steps(log.path, [], SYSTEM)) == []
+    assert time.process_time() - begun < 10.0

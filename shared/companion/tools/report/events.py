@@ -6,6 +6,7 @@ Must not know: the truth of the simulation. "jar grasped" means that ex said so.
 
 from collections.abc import Iterator
 from enum import StrEnum
+from math import inf
 
 import msgspec
 
@@ -160,11 +161,7 @@ def _localized(
     looked = next((end for end in looks if end is not None), None)
     if looked is None:
         return
-    for one in history.said:
-        if (
-            isinstance(one.content, wm.SeenObject)
-            and one.content.object == object
-            and one.received >= looked
-        ):
+    for one in history.during(looked, inf):
+        if isinstance(one.content, wm.SeenObject) and one.content.object == object:
             yield Event(one.received, Kind.LOCALIZED, (object,), ("C5", "C6"))
             return

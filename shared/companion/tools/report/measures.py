@@ -27,12 +27,10 @@ from operate.experiments.measures import (
     Value,
     channel_size,
 )
-from operate.experiments.page import BINS, SHADE
 from operate.experiments.run_figures import Figures, SentMessage
 from operate.experiments.summary import row_of
 from operate.experiments.tables import table
 from operate.recording.history import History
-from operate.reports.figures import ACCENT, FAINT, INK, drawing
 from velma.names import BODY
 
 TEXTS, COUNTS = ("mode", "act", "skill"), ("cycles", "missed", "skipped", "faults")
@@ -180,6 +178,10 @@ def planning(runs: Runs, number: int) -> str:
     longest = max((plan.wall_s or 0.0 for plan, _ in some), default=0.0)
     if not longest:
         return ""
+    # half a second to import, and most reports draw nothing over many runs
+    from operate.experiments.page import BINS, SHADE
+    from operate.reports.figures import ACCENT, FAINT, INK, drawing
+
     step = longest / BINS
     bits = np.array([kbit_s(plan, said, step, BINS) for plan, said in some])
     middle, half = intervals.band(bits)

@@ -114,7 +114,7 @@ def steps(history: History) -> Iterator[Bar]:
     """ta's way through the machines of its plans."""
     for plan in ran(history):
         until = plan.end if plan.end is not None else history.said[-1].received
-        told = (one for one in history.said if one.conversation == plan.conversation)
+        told = history.conversation(plan.conversation)
         of_ta = ((one.received, one.content) for one in told if isinstance(one.content, sw.Report))
         reports = [(t, report.at) for t, report in of_ta if report.at]
         starts = [

@@ -128,6 +128,10 @@ def made(history: History) -> tuple[Made, ...]:
     """All requests for a plan, in the order of time; one that pl put off is asked again, and counts
     then.
     """
+    return history.once(_all_made)
+
+
+def _all_made(history: History) -> tuple[Made, ...]:
     asked = [one for one in history.said if isinstance(one.content, hfsm.GroundTaskNetwork)]
     none = (one for one in history.said if isinstance(one.content, hfsm.NoPlan))
     put_off = {one.conversation for one in none if one.content.later}
@@ -137,6 +141,10 @@ def made(history: History) -> tuple[Made, ...]:
 
 def ran(history: History) -> tuple[Ran, ...]:
     """All plans given to ta, in the order of time."""
+    return history.once(_all_ran)
+
+
+def _all_ran(history: History) -> tuple[Ran, ...]:
     to_ta = (one for one in history.said if one.channel == "C1")
     asked = [one for one in to_ta if isinstance(one.content, hfsm.HierarchicalPlan)]
     return tuple(_ran(history, number, one) for number, one in enumerate(asked, start=1))
@@ -144,12 +152,20 @@ def ran(history: History) -> tuple[Ran, ...]:
 
 def acts(history: History) -> tuple[ActRecord, ...]:
     """All acts asked of ex, in the order of time."""
+    return history.once(_acts)
+
+
+def _acts(history: History) -> tuple[ActRecord, ...]:
     asked = [one for one in history.said if isinstance(one.content, rc.Command)]
     return tuple(_act(history, one) for one in asked)
 
 
 def commands(history: History) -> tuple[Spoken, ...]:
     """All commands of people, in the order of time."""
+    return history.once(_commands)
+
+
+def _commands(history: History) -> tuple[Spoken, ...]:
     return tuple(one for one in history.said if isinstance(one.content, cmd.Command))
 
 
@@ -195,9 +211,13 @@ def others_plans(history: History, command: Spoken) -> frozenset[str]:
     """
     others = {one.conversation for one in commands(history)} - {command.conversation}
     marks = tuple(f"{one}-plan" for one in others)
+    return frozenset(name for name in history.once(_networks) if name.startswith(marks))
+
+
+def _networks(history: History) -> tuple[str, ...]:
+    """The ids of all plans that were asked for, in the order of time."""
     contents = (one.content for one in history.said)
-    named = (content.id for content in contents if isinstance(content, hfsm.GroundTaskNetwork))
-    return frozenset(name for name in named if name.startswith(marks))
+    return tuple(one.id for one in contents if isinstance(one, hfsm.GroundTaskNetwork))
 
 
 def task_end(history: History, command: Spoken) -> Spoken | None:
@@ -215,8 +235,8 @@ def task_end(history: History, command: Spoken) -> Spoken | None:
 
 
 def _answers(history: History, opening: Spoken) -> Iterator[Spoken]:
-    for one in history.said:
-        if one.conversation == opening.conversation and one.sender == opening.receiver:
+    for one in history.conversation(opening.conversation):
+        if one.sender == opening.receiver:
             yield one
 
 
@@ -225,7 +245,7 @@ def _made(history: History, number: int, asked: Spoken) -> Made:
     end = next(ends, None)
     took = None if end is None else history.answered(asked, end)
     until = end.received if end is not None else float("inf")
-    talk = [o for o in history.said if o.channel == "C4" and asked.received <= o.received <= until]
+    talk = [one for one in history.during(asked.received, until) if one.channel == "C4"]
     plan = (
         end.content if end is not None and isinstance(end.content, hfsm.HierarchicalPlan) else None
     )

@@ -5,8 +5,10 @@ itself judges it (companion.tools.report.plans), and from what the agents said a
 is assumed. A missing record is a failure that says so, and so is one from before the end.
 """
 
+from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator
+from operator import itemgetter
 
 from companion.languages import cmd, rc, sw
 from companion.telemetry import TrueState
@@ -50,9 +52,11 @@ def truth_at_end(history: History, command: Spoken | None) -> TrueState | None:
         return recorded[-1][1] if recorded else None
     later = (act.start for act in acts(history) if act.start > end.received)
     moved = min(later, default=float("inf"))
-    before = [one for at, one in recorded if end.received - STALE_S <= at <= end.received]
-    after = [one for at, one in recorded if end.received < at < moved]
-    return next(iter((*before[-1:], *after)), None)
+    behind = bisect_right(recorded, end.received, key=itemgetter(0))
+    for at, one in recorded[max(0, behind - 1) : behind + 1]:
+        if end.received - STALE_S <= at <= end.received or end.received < at < moved:
+            return one
+    return None
 
 
 def last_truth(history: History) -> TrueState | None:

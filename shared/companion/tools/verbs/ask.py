@@ -67,14 +67,14 @@ def known(place: "Path | Run", at: float | None = None) -> Known:
     except ModuleNotFoundError as error:
         raise _missing("monitor", error.name or "") from error
     run = opened(place, SYSTEM) if isinstance(place, Path) else place
-    spoken = [one for one in run.records if isinstance(one, Spoken)]
+    spoken = [one for one in run.talk_records if isinstance(one, Spoken)]
     if not spoken:
         raise NoRunError(
             str(run.place),
             f"{run.place} has no communicate; give a run folder, or a recording of `roco record`",
         )
     lives = dict[int, float]()
-    for one in run.records:
+    for one in run.talk_records:
         if isinstance(one, Token) and one.agent == AgentName.KM and one.alive:
             lives.setdefault(one.incarnation, one.received)
     begin, end = spoken[0].received, spoken[-1].received

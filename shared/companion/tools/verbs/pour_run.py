@@ -29,12 +29,13 @@ from console.fleet import starting, up, view
 from console.fleet.local import Local
 from console.fleet.process_status import ENDED, Look, stuck
 from console.fleet.up import Rate, SceneFile, Speed
-from console.output import FirstSeed, Form, Format, Seed, problems, waiting
+from console.output import FirstSeed, Form, Format, Seed, problems
 from console.runs import folders
 from console.runs.experiment import Asked, Count, MostLoad, Place, Resume, Timeout, repeated
 from console.terminal.console import Console
 from console.terminal.draw import Watch
 from console.terminal.run_state import View
+from operate.doing import doing
 from operate.file_names import REPORT_FILE
 from operate.system import here
 from velma.sim import gl
@@ -354,7 +355,7 @@ def _page(run: Path, console: Console, form: Format, *, opened: bool) -> None:
 
 def _held(console: Console, form: Format) -> Speed:
     """The speed that this machine holds now; where that is not real time, it is said in a line."""
-    with waiting("a second of the control loop is timed", form):
+    with doing("a second of the control loop is timed"):
         measured = checkup.measure()
     if measured is None or measured.held:
         return Speed.REAL

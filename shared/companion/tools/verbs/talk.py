@@ -42,7 +42,7 @@ from companion.tools.verbs.hi import (
     terminal,
     when_started,
 )
-from console.errors import NO, ConsoleError, FleetError, UsageError
+from console.errors import NO, ConsoleError, FleetError, NoRunError, UsageError
 from console.fleet import operator, targets
 from console.fleet.local import Local
 from console.fleet.process_status import ENDED
@@ -56,6 +56,10 @@ EXECUTOR = "ex"
 NOT_HERE = (
     "nothing was stopped: no control loop has run at {where}; one that starts there will rest."
     " `roco stop` on the robot's own machine; from here `roco say stop` has its tasks cancelled"
+)
+NO_FLEET = (
+    "nothing was stopped: no fleet of yours runs on this machine; stop the robot on its own"
+    " machine, as the user that started it"
 )
 
 
@@ -283,17 +287,24 @@ def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
     """Stop the robot at once. It reaches the control loop directly and needs no agent, router or
     supervisor.
 
-    Where no fleet is named and none lives here, all robots of all your fleets on this machine are
-    stopped. Exits with 1 where no control loop runs on this machine: a robot elsewhere is stopped
-    there.
+    Where no fleet is named, the robots of all fleets that run in runs/ here are stopped; where none
+    runs here, those of all your fleets on this machine. It asks nothing. Your other fleets go on,
+    and are told of. Exits with 1 where no control loop runs on this machine: a robot elsewhere is
+    stopped there; with 3 where no fleet of yours runs.
 
     Examples:
       roco stop
+      roco stop --target second
       roco stop --run-dir runs/latest
     """
     with problems(form):
-        for where, words in _held_words(held(target, run_dir, form), target, run_dir).items():
+        fleets = held(target, run_dir, form)
+        for where, words in _held_words(fleets, target, run_dir).items():
             tell(Reply(words, where), form)
+        if not target and run_dir is None:
+            for one in targets.not_held(fleets):
+                go_on = f"not stopped: {one.where}; `roco stop --target {one.name}` stops it, too"
+                tell_problem(go_on, form)
 
 
 def release(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
@@ -314,8 +325,9 @@ def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
     """
     stopped: list[Target] = []
     failed: list[Exception] = []
-    fleets = targets.to_hold(target, run_dir)
-    for fleet in fleets:
+    fleets: list[Target] = []
+    for fleet in targets.to_hold(target, run_dir):
+        fleets.append(fleet)
         try:
             fleet.hold(EXECUTOR, True)
         except (ConsoleError, LinkedError) as error:  # the others are stopped all the same
@@ -324,10 +336,12 @@ def held(target: str, run_dir: Path | None, form: Format) -> list[Target]:
             failed.append(FleetError(f"the robot of {fleet.where} was not stopped: {error}"))
         else:
             stopped += [fleet] if _loop_here(fleet) else []
+    named = bool(target) or run_dir is not None
+    if not named and not any(map(targets.lives, fleets)):
+        raise failed[0] if failed else NoRunError("", NO_FLEET)
     if not stopped:
-        if failed:
-            raise failed[0]
-        raise FleetError(NOT_HERE.format(where=" or ".join(one.where for one in fleets)))
+        where = " or ".join(one.where for one in fleets)
+        raise failed[0] if failed else FleetError(NOT_HERE.format(where=where))
     for one in failed:
         tell_problem(one, form)
     return stopped
