@@ -283,7 +283,7 @@ def amount(value: float, unit: str, reader: Reader) -> str:
 
 def span(seconds: float, language: str) -> str:
     """A length of time [s] as a person says it: to ten seconds, from two minutes on to a minute."""
-    return _number(max(10.0, 10.0 * round(seconds / 10.0)), "s", Reader(language))
+    return amount(max(10.0, 10.0 * round(seconds / 10.0)), "s", Reader(language))
 
 
 def _plural(text: str, reader: Reader) -> str:
