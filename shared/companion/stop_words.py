@@ -77,6 +77,7 @@ AT_ONCE_S = 1.0
 """A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate:
 hi takes ms).
 """
+MOST_NEAR = 2  # different words of a sentence in which a slip may be a stop word (estimate)
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
 
@@ -115,6 +116,7 @@ class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     fillers: str
     near: str
+    beside: str
     not_near: str
     harmless: tuple[Harmless, ...]
     time: Time
@@ -181,8 +183,23 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
     anywhere = (row for row in table.anywhere if row in text)
     opening = (row for row in table.opening if inner.startswith(row))
     alone = (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
-    near = (word for word in words if len(words) <= 2 and word in table.near)
-    return next((row.strip() for rows in (anywhere, opening, alone, near) for row in rows), "")
+    different = set(words) - table.beside
+    near = (word for word in words if len(different) <= MOST_NEAR and word in table.near)
+    found = (anywhere, opening, alone, near, _longer(words), _apart(sentence))
+    return next((row.strip() for rows in found for row in rows), "")
+
+
+def _longer(words: list[str]) -> Iterator[str]:
+    """The rows that have a harmless one in them: "nie spiesz się tak"."""
+    text = f" {' '.join(words)} "
+    return (row for row in _table().longer if row in text)
+
+
+def _apart(sentence: str) -> Iterator[str]:
+    """The rows between two marks that end a sentence: a harmless row is said without one."""
+    parts = _MARK.split(fold(sentence[:LONGEST])[:LONGEST])
+    texts = (_without_harmless(_as_in_rows(one)) for one in parts if len(parts) > 1)
+    return (row for text in texts for row in _table().anywhere if row in text)
 
 
 def may_answer(sentence: str) -> bool:
@@ -272,6 +289,7 @@ def _without_harmless(words: list[str]) -> str:
 
 _EMOJI = "".join(sorted({sign for group in ROWS.stop for sign in group.en if not sign.isascii()}))
 _WORD = re.compile(rf"[^\W_]+|[{_EMOJI}]")
+_MARK = re.compile(r"[.,:]+(?=\s)|\s[-\u2013\u2014]+\s|[!?;\u2026]+")
 _LOOSE = re.compile(r"(?<!\S)\w(?: \w){2,}(?!\S)")
 _ALIKE = str.maketrans("01i", "oll")
 _LONG = {
@@ -290,6 +308,8 @@ class _Table(NamedTuple):
     """Rows with a blank before them, and one behind them where they do not end otherwise.
 
     `shapes`, `stems`: the words of rows, and those that may end otherwise, by what they look like.
+    `near`: slips of stop words, `beside`: what counts for nothing beside one; `longer`: rows with a
+    harmless one in them.
     """
 
     anywhere: tuple[str, ...]
@@ -301,6 +321,8 @@ class _Table(NamedTuple):
     shapes: dict[str, str]
     stems: dict[str, str]
     near: frozenset[str]
+    beside: frozenset[str]
+    longer: tuple[str, ...]
     time: re.Pattern[str]
     leading: re.Pattern[str]
     trailing: re.Pattern[str]
@@ -325,7 +347,11 @@ def _table() -> _Table:
         rf" (?:(?:{part['before']}) {span}(?: (?:{part['behind']}))?|{span}"
         rf" (?:{part['behind']}))(?= )"
     )
-    near = {slip for row in _bounded(ROWS.near) for slip in _slips(row.strip())}
+    plain = {row.strip() for row in _bounded(ROWS.near)}
+    near = {slip for word in plain for slip in _slips(word)}
+    beside = {word for row in _bounded(f"{ROWS.fillers}, {ROWS.beside}") for word in row.split()}
+    near |= {_once(one) for word in plain for of in {*beside, *plain} for one in (word + of, of + word)}
+    harmless = _rows(*ROWS.harmless)
     return _Table(
         anywhere=at["anywhere"],
         opening=at["opening"],
@@ -337,10 +363,12 @@ def _table() -> _Table:
             for language in LANGUAGES
             for row in _bounded(getattr(one, language))
         },
-        harmless=_rows(*ROWS.harmless),
+        harmless=harmless,
         shapes={_shape(word): word for row in stops for word in row.split()},
         stems={_shape(row.split()[-1]): row.split()[-1] for row in stops if not row.endswith(" ")},
         near=frozenset(near) - {row.strip() for row in _bounded(ROWS.not_near)},
+        beside=frozenset(beside),
+        longer=tuple(row for row in at["anywhere"] if any(one in row for one in harmless)),
         time=re.compile(time),
         leading=re.compile(rf"^ (?:(?:{fillers}) )+"),
         trailing=re.compile(rf" (?:(?:{fillers}) )+$"),
