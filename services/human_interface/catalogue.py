@@ -34,6 +34,16 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     like: dict[str, tuple[str, ...]] = {}
 
 
+class Impossible(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row [[cannot]]: words that hint at what the robot cannot do, and the sentence that says
+    so.
+    """
+
+    says: str
+    en: str
+    pl: str
+
+
 class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [time]: regular expressions of words that say when something is wanted."""
 
@@ -55,6 +65,13 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     turning: dict[str, str]
     denying: dict[str, str]
     once_more: dict[str, str]
+    border: dict[str, str]
+    excepting: dict[str, str]
+    asking: dict[str, str]
+    to: dict[str, str]
+    source: dict[str, str]
+    beside: dict[str, str]
+    cannot: tuple[Impossible, ...]
     heard: dict[str, dict[str, str]]
     spelled: dict[str, str]
     joining: dict[str, str]

@@ -20,7 +20,8 @@ from rapidfuzz.distance import OSA
 from companion.stop_words import fold
 from services.human_interface import patterns
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, TASKS, WISHES, phrases
-from services.human_interface.device_messages import Clause, Meaning, NamedObject
+from services.human_interface.device_messages import Clause, Hints, Meaning, NamedObject
+from services.human_interface.hints import Named, hints
 from services.human_interface.times import split_time
 
 MOST_CHARACTERS = 200
@@ -122,6 +123,7 @@ class _Language:
             )
             for end, match in sentence.ends(whole, at).items()
         }
+        self._thing = self._of.rules["THING"]
         self._joining = self._of.part(CATALOGUE.joining[language])
         self._forms = [
             (row.does, how, self._of.part(text))
@@ -223,6 +225,26 @@ class _Language:
             best.insert(0, found)
         return best[0]
 
+    def named(self, words: tuple[str, ...]) -> list[Named]:
+        """Return the things in the words by known names, or called it, with where they stand."""
+        sentence, found = patterns.Sentence(words), list[Named]()
+        at = 0
+        while at < len(words):
+            ends = self._thing(sentence, at).items()
+            known = [
+                (end, thing)
+                for end, match in ends
+                for thing in match.found
+                if isinstance(thing, NamedObject)
+                and not match.strange
+                and (thing.kinds or (thing.ref == "it" and words[at] != "that"))
+            ]
+            end, thing = max(known, key=lambda one: one[0], default=(at + 1, None))
+            if thing is not None:
+                found.append((at, end, thing))
+            at = end
+        return found
+
     def _behind_joining(self, sentence: patterns.Sentence, at: int) -> set[int]:
         """Where the next wish may begin: behind a comma, a joining word, or both."""
         comma = sentence.words[at] == ","
@@ -274,9 +296,30 @@ def understand(sentence: str) -> Meaning:
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
     words, when = split_time(words)
-    polish = not _POLISH_LETTERS.isdisjoint(sentence.lower())
-    language = max(LANGUAGES, key=lambda one: (_known(words, one), polish == (one == "pl")))
-    return replace(_read(words, language), when=when)
+    language = _language_of(words, sentence)
+    found = _read(words, language)
+    if found.guessed or not found.clauses or _strange(found):
+        found = replace(found, hints=_hints(words, found.language))
+    return replace(found, when=when)
+
+
+def _language_of(words: tuple[str, ...], sentence: str) -> str:
+    """The language of most words; Polish letters decide for Polish where no English word is known
+    for each of them.
+    """
+    polish = sum(not _POLISH_LETTERS.isdisjoint(one) for one in sentence.lower().split())
+    known = {one: _known(words, one) for one in LANGUAGES}
+    return "pl" if known["pl"] + polish > known["en"] else "en"
+
+
+def _hints(words: tuple[str, ...], language: str) -> Hints:
+    """The hints in the words, else in those with the likeliest known ones for the unknown."""
+    of = _OF[language]
+    found = hints(words, language, of.named(words))
+    if found != Hints():
+        return found
+    alike = next(iter(_corrected(words, language)), words)
+    return hints(alike, language, of.named(alike))
 
 
 def _read(words: tuple[str, ...], language: str) -> Meaning:
@@ -289,6 +332,8 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     readings = {one: _readings(words, one) for one in sorted(LANGUAGES, key=language.__ne__)}
     parsed = [_OF[of].meaning(one) for of in readings for one in readings[of]]
     found = min(filter(None, parsed), key=_doubtful, default=None)
+    if found is not None and _strange(found) and found.language != language:
+        found = None
     if found is not None and not _strange(found):
         return found
     corrected = {

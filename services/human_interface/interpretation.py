@@ -8,6 +8,7 @@ HTTP, how tasks are carried out.
 import contextlib
 import itertools
 from collections.abc import Callable, Collection, Iterator
+from typing import NamedTuple
 
 import msgspec
 from msgspec.structs import replace
@@ -17,7 +18,15 @@ from companion.commands import Offer
 from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
 from services.human_interface.catalogue import MAKE, TASKS, THINGS, say
-from services.human_interface.device_messages import Clause, Meaning, NamedObject
+from services.human_interface.device_messages import (
+    Clause,
+    Hints,
+    Meaning,
+    Mention,
+    NamedObject,
+    Part,
+    When,
+)
 from services.human_interface.grammar import LIGHT, MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
 
 MOST_EXAMPLES = 3  # in a refusal (estimate)
@@ -90,6 +99,13 @@ class _Doubt(Exception):
 
 def outcome(meaning: Meaning, context: Context) -> Outcome:
     """Return what comes of a sentence."""
+    if meaning.hints == Hints():
+        return _outcome(meaning, context)
+    return _hinted(meaning, context)
+
+
+def _outcome(meaning: Meaning, context: Context) -> Outcome:
+    """The outcome of a sentence by its clauses."""
     language = meaning.language
     clauses = _weighty(meaning.clauses)
     tasks_of = tuple(clause for clause in clauses if clause.does in MAKE)
@@ -370,6 +386,178 @@ def _nearest(does: str, language: str) -> str:
     return say(language, "some", ", ".join(map(repr, some)))
 
 
+# --- hints ----------------------------------------------------------------------------------------
+
+MOST_OFFERED = 4  # wishes in a question (estimate)
+_VERB, _NAMED, _NEAR = 4, 2, 3
+"""Weights of a word that hints at a wish and of a thing that is named, and how much less than the
+best wish one is offered still (estimates).
+"""
+
+
+class _Offer(NamedTuple):
+    """Wishes that may be meant, and how well they fit the words."""
+
+    fits: int
+    clauses: tuple[Clause, ...]
+
+
+def _hinted(meaning: Meaning, context: Context) -> Outcome:
+    """The outcome of a sentence that is not understood without doubt: a question with the wishes
+    at which it hints, an answer, or a refusal with the reason.
+    """
+    language, of = meaning.language, meaning.hints
+    plain = replace(meaning, hints=Hints())
+    if of.talk:
+        return _without_task(replace(plain, clauses=(Clause(of.talk),), guessed=True), context)
+    read = _outcome(plain, context)
+    if any(clause.unsure for clause in meaning.clauses):
+        return read
+    fits, options = _offered_wishes(of, context, language)
+    why = say(language, of.cannot) if of.cannot else _no_goal(of, language)
+    able = any(one.does and one.mentions and not one.cannot for one in of.parts)
+    if why and not able and fits < _VERB + 2 * _NAMED:
+        near = in_words(options[0].tasks, language) if options else ""
+        nearest = say(language, "nearest", near) if near else _nearest("", language)
+        return Ask(f"{why} {nearest}")
+    wished = any(clause.does in TASKS for clause in meaning.clauses)
+    if isinstance(read, Ask) and wished and (read.options or read.sentences):
+        options = _beside_read(read, options)
+    elif wished or fits < _NAMED or not (isinstance(read, Ask) or fits > _VERB):
+        options = []
+    if not options:
+        lacking = _lacking(of) if isinstance(read, Ask) and not read.options else None
+        return _complete(plain, context, lacking) if lacking else read
+    if meaning.when != When():
+        options = options[:1]  # an answer of yes keeps the time that was said, a sentence does not
+    if len(options) == 1:
+        return Ask(f"{why} {_mean(options[0].tasks, language)}".strip(), tuple(options))
+    asked = _ask_which([in_words(one.tasks, language) for one in options], language)
+    return replace(asked, text=f"{why} {asked.text}".strip())
+
+
+def _beside_read(read: Ask, options: list[Option]) -> list[Option]:
+    """The wishes that are offered where the grammar read some in a part of the sentence: none where
+    it read all that the hints name.
+    """
+    if len(read.options) != 1:
+        return options if len(read.options) > len(options) else []
+    named = [set(_arguments(one)) for one in options[:1]]
+    if not named or named[0] <= set(_arguments(read.options[0])):
+        return []
+    told = [one.tasks for one in options]
+    return options if read.options[0].tasks in told else [*options[: MOST_OFFERED - 1], *read.options]
+
+
+def _arguments(option: Option) -> Iterator[str]:
+    return (one for task in option.tasks for one in task.task.arguments if one)
+
+
+def _lacking(hints: Hints) -> Clause | None:
+    """The wish of which only one verb was said."""
+    hinted = {part.does for part in hints.parts if len(part.does) == 1}
+    does = next((one for one, wish in TASKS.items() if (one,) in hinted and wish.lacking), None)
+    return Clause(does, lacks=True) if does else None
+
+
+def _no_goal(hints: Hints, language: str) -> str:
+    """The sentence on something that nothing can be put into; "" where there is none."""
+    for part in hints.parts:
+        goals = [one.thing for one in part.mentions if one.role == "to"]
+        things = [one.thing for one in part.mentions if one.role != "to"]
+        pours = [one for one in goals if _good_for("pour", one)] if things else goals
+        if pours and any(_good_for("pour", one) for one in things):
+            continue
+        if goals and things and not any(_good_for("put", one) for one in goals):
+            kind = next((of for one in goals for of in one.kinds if of in THINGS), "")
+            return say(language, "cannot_put", noun(kind, language, 2)) if kind else ""
+    return ""
+
+
+def _offered_wishes(hints: Hints, context: Context, language: str) -> tuple[int, list[Option]]:
+    """The wishes at which a sentence hints, the likeliest first, and how well that one fits."""
+    found, firsts = list[_Offer](), list[_Offer]()
+    elsewhere = hints.named
+    for part in hints.parts or (Part(mentions=hints.named),):
+        offers = sorted(_offers(part, elsewhere, context), key=lambda one: -one.fits)
+        found += offers
+        firsts += [one for one in offers[:1] if one.fits > _VERB]
+        elsewhere += part.mentions
+    found.sort(key=lambda one: -one.fits)
+    if len(firsts) > 1:
+        together = tuple(clause for one in firsts for clause in one.clauses)
+        found.insert(0, _Offer(found[0].fits, together[:MOST_WISHES]))
+    fits, options = 0, dict[str, Option]()
+    for one in found:
+        for tasks, plain in _made_clear(one.clauses, context, language):
+            fits = fits or one.fits
+            if one.fits >= fits - _NEAR and len(options) < MOST_OFFERED:
+                options.setdefault(in_words(tasks, language), Option("", tasks, plain))
+    return fits, list(options.values())
+
+
+def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Iterator[_Offer]:
+    """Yield the wishes that a part of a sentence may mean, with the things that it names; where a
+    wish wants more of them, with those that are known.
+    """
+    goals = [one.thing for one in part.mentions if one.role == "to"]
+    things = [one.thing for one in part.mentions if one.role != "to"]
+    if not any(_good_for("take", one) for one in things):
+        things = [one.thing for one in elsewhere if _good_for("take", one.thing)][-1:]
+    known = [_object(name) for name in _candidates(context)]
+    for does, wish in TASKS.items():
+        verb = _VERB if does in part.does else 0
+        if wish.offer is Offer.ALONE:
+            yield from [_Offer(verb + 1, (Clause(does),))] if verb else ()
+            continue
+        firsts = [one for one in things if _good_for(wish.uses[0], one)]
+        if len(wish.uses) == 1:
+            for one in firsts if verb or not wish.held else ():
+                yield _Offer(verb + _NAMED - bool(goals), (Clause(does, (one,)),))
+            continue
+        seconds = [one for one in goals if _good_for(wish.uses[1], one)]
+        if wish.uses[0] == wish.uses[1] and len(firsts) > 1 and not seconds:
+            firsts, seconds = firsts[:1], firsts[1:]
+        fits = verb + _NAMED * (bool(firsts) + bool(seconds))
+        if len(firsts) > 1 and seconds:
+            yield _Offer(fits + _NAMED, tuple(Clause(does, (one, seconds[0])) for one in firsts))
+        if not (seconds or (verb and not goals)):
+            continue
+        for use, of in ((wish.uses[0], firsts), (wish.uses[1], seconds)):
+            of += [one for one in known if _good_for(use, one)] if not of else []
+        for pair in itertools.product(firsts, seconds):
+            yield _Offer(fits, (Clause(does, pair),))
+
+
+def _good_for(use: str, thing: NamedObject) -> bool:
+    """Whether a thing may be good for a use, as far as its name tells."""
+    kinds = [THINGS[kind] for kind in thing.kinds]
+    return any(use in kind.can for kind in kinds) or (thing.ref == "it" and use != "put")
+
+
+def _made_clear(
+    clauses: tuple[Clause, ...], context: Context, language: str
+) -> Iterator[tuple[tuple[AnyCommand, ...], tuple[Clause, ...]]]:
+    """Yield the tasks of wishes; where a thing is not clear, with each that it could be."""
+    try:
+        yield _tasks(clauses, context, language)
+    except _Doubt as doubt:
+        for name in doubt.names:
+            clear = _with_thing(clauses, doubt.thing, _object(name))
+            with contextlib.suppress(_Doubt):
+                yield _tasks(clear, context, language)
+
+
+def _with_thing(
+    clauses: tuple[Clause, ...], unclear: NamedObject, thing: NamedObject
+) -> tuple[Clause, ...]:
+    """The wishes with a thing that is known in place of one that is not clear."""
+    return tuple(
+        replace(one, things=tuple(thing if it is unclear else it for it in one.things))
+        for one in clauses
+    )
+
+
 # --- things ---------------------------------------------------------------------------------------
 
 
@@ -479,11 +667,7 @@ def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     """The question, with an option for each thing that would make the sentence clear."""
     language, options = meaning.language, []
     for name in doubt.names:
-        known = _object(name)
-        clauses = tuple(
-            replace(one, things=tuple(known if it is doubt.thing else it for it in one.things))
-            for one in meaning.clauses
-        )
+        clauses = _with_thing(meaning.clauses, doubt.thing, _object(name))
         try:
             options.append(Option(name, *_tasks(clauses, context, language)))
         except _Doubt:
