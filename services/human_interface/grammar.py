@@ -76,7 +76,7 @@ def _any_word(sentence: patterns.Sentence, at: int) -> patterns.Ends:
     return {at + 1: found}
 
 
-_THING = """REFERENCE|[DET] [QUALITIES] NAME [NUMBER] [WHERE]|REFERENCE NAME|
+_THING = """REFERENCE|[DET] [QUALITIES] NAME [NUMERAL] [WHERE]|REFERENCE NAME|
 [DET] [QUALITIES] STRANGE [WHERE]|DET ANY"""
 """A thing: of two readings with the same end the first one counts."""
 
@@ -103,7 +103,12 @@ class _Language:
         self._of = patterns.Patterns(texts)
         references = [(one, one.upper()) for one in ("it", "this", "other", "both")]
         sides = [(side, words[language]) for side, words in CATALOGUE.side.items()]
-        numbers = _word_that(str.isdecimal, "number", lambda word: int(word[:3]))
+        counted = {fold(word): n for word, n in CATALOGUE.counted[language].items()}
+        numbers = _word_that(
+            lambda word: word.isdecimal() or word in counted,
+            "number",
+            lambda word: counted[word] if word in counted else int(word[:3]),
+        )
         self._of.rules |= {
             "SIDE": self._one_of("side", sides),
             "NAME": self._one_of("name", names),
@@ -116,6 +121,7 @@ class _Language:
             "STRANGE": self._strange_words,
             "ANY": _any_word,
         }
+        self._of.words |= counted.keys()
         whole = self._of.part(_THING)
         self._of.rules["THING"] = lambda sentence, at: {
             end: patterns.Match(
@@ -237,7 +243,7 @@ class _Language:
                 for thing in match.found
                 if isinstance(thing, NamedObject)
                 and not match.strange
-                and (thing.kinds or (thing.ref == "it" and words[at] != "that"))
+                and (thing.kinds or thing.ref == "both" or (thing.ref == "it" and words[at] != "that"))
             ]
             end, thing = max(known, key=lambda one: one[0], default=(at + 1, None))
             if thing is not None:
@@ -298,7 +304,7 @@ def understand(sentence: str) -> Meaning:
     words, when = split_time(words)
     language = _language_of(words, sentence)
     found = _read(words, language)
-    if found.guessed or not found.clauses or _strange(found):
+    if found.guessed or not found.clauses or any(map(_unclear, found.clauses)):
         found = replace(found, hints=_hints(words, found.language))
     return replace(found, when=when)
 
@@ -376,6 +382,12 @@ def _nearest(words: tuple[str, ...], language: str) -> str:
 def _doubtful(meaning: Meaning) -> tuple[bool, bool]:
     """Of two readings the one that is less so is meant: nothing is strange, nothing is left out."""
     return _strange(meaning), any(clause.lacks for clause in meaning.clauses)
+
+
+def _unclear(clause: Clause) -> bool:
+    """Whether a clause may come to nothing by itself."""
+    plain = all(one.kinds and not (one.doubt or one.quality) for one in clause.things)
+    return clause.does in ("the", "rather") or (clause.does in TASKS and not plain)
 
 
 def _strange(meaning: Meaning) -> bool:

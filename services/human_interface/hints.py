@@ -9,6 +9,9 @@ done. Must not know: what was said before, which things there are.
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+from msgspec.structs import replace
+
+from companion.commands import Offer
 from companion.stop_words import fold, forms
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, TASKS, WISHES
 from services.human_interface.device_messages import Hints, Mention, NamedObject, Part
@@ -78,6 +81,8 @@ _OF = {
     for language in LANGUAGES
 }
 _CANNOT = frozenset(one.says for one in CATALOGUE.cannot)
+_ALONE = frozenset(does for does, wish in TASKS.items() if wish.offer is Offer.ALONE)
+"""Wishes that need no thing."""
 _BORDERS, _ASKING, _EXCEPT, _TO, _FROM, _BESIDE, _DENYING = (
     {one: frozenset(fold(rows[one]).split("|")) for one in LANGUAGES}
     for rows in (
@@ -103,64 +108,41 @@ def hints(words: tuple[str, ...], language: str, named: Iterable[Named]) -> Hint
             begin = at + 1
     read = [_read(words, begin, end, language, names) for begin, end in parts if begin < end]
     read = list(_joined(read))
-    kept = [one.part for one in read if one.kept]
-    told = [one for one in kept if one.does or _has_role(one)]
-    asked = _first(kept, "talk")
-    cannot = _first(kept, "cannot")
-    done = any(one.does and one.mentions for one in told)
-    if asked and not done:
+    told = [one for one in read if one.does or any(of.role == "to" for of in one.mentions)]
+    asked = next((one.talk for one in read if one.talk), "")
+    if asked and not any(one.mentions or _ALONE & {*one.does} for one in told if one.does):
         return Hints(talk=asked)
-    plain = tuple(one for one in kept if one.mentions and one not in told)
-    return Hints(tuple(told), "", cannot, tuple(of for one in plain for of in one.mentions))
+    cannot = next((one.cannot for one in read if one.cannot), "")
+    named = (of for one in read if one not in told for of in one.mentions)
+    return Hints(tuple(told), "", cannot, tuple(named))
 
 
-class _Read(NamedTuple):
-    """A part of a sentence. `bare`: it is a name alone; `kept`: no word excepts it."""
-
-    part: Part
-    bare: bool
-    kept: bool
-
-
-def _first(parts: list[Part], field: str) -> str:
-    return next((found for one in parts if (found := getattr(one, field))), "")
-
-
-def _has_role(part: Part) -> bool:
-    return any(one.role == "to" for one in part.mentions)
-
-
-def _joined(parts: list[_Read]) -> Iterator[_Read]:
+def _joined(parts: Iterable[Part]) -> Iterator[Part]:
     """The parts, those of a name alone with the next one: "the jar and the bowl go ..."."""
     waiting: tuple[Mention, ...] = ()
-    last: _Read | None = None
+    last: Part | None = None
     for one in parts:
-        if one.bare and one.kept:
-            waiting += one.part.mentions
+        if one == Part(mentions=one.mentions) and all(not of.role for of in one.mentions):
+            waiting += one.mentions
             continue
         if last is not None:
             yield last
-        mentions = waiting + one.part.mentions if one.kept else one.part.mentions
-        waiting = () if one.kept else waiting
-        last = one._replace(part=_with(one.part, mentions))
+        last, waiting = replace(one, mentions=waiting + one.mentions), ()
     if last is not None:
-        yield last._replace(part=_with(last.part, last.part.mentions + waiting))
+        yield replace(last, mentions=last.mentions + waiting)
     elif waiting:
-        yield _Read(Part(mentions=waiting), True, True)
-
-
-def _with(part: Part, mentions: tuple[Mention, ...]) -> Part:
-    return Part(part.does, mentions, part.talk, part.cannot)
+        yield Part(mentions=waiting)
 
 
 def _read(
     words: tuple[str, ...], begin: int, end: int, language: str, names: list[Named]
-) -> _Read:
+) -> Part:
     """One part: its first words decide whether it asks or wishes."""
     said = words[begin:end]
-    inside = [one for one in names if begin <= one[0] and one[1] <= end]
     mentions = tuple(
-        Mention(thing, _role(words, at, begin, language)) for at, _, thing in inside
+        Mention(thing, _role(words, at, language))
+        for at, to, thing in names
+        if begin <= at and to <= end
     )
     does: list[str] = []
     talk = cannot = ""
@@ -172,15 +154,14 @@ def _read(
             talk = next((one for one in found.does if one not in TASKS and one not in _CANNOT), "")
         cannot = cannot or next((one for one in found.does if one in _CANNOT), "")
         does += [one for one in tasks if one not in does and not talk]
-    if not (does or talk or cannot) and said[0] in _ASKING[language] and mentions:
+    asks = said[0] in _ASKING[language] and any(one.thing.kinds for one in mentions)
+    if asks and not (does or talk or cannot):
         talk = "see"
-    bare = len(said) == sum(to - at for at, to, _ in inside) and bool(inside)
-    excepted = begin > 0 and words[begin - 1] in _EXCEPT[language]
-    return _Read(Part(tuple(does), mentions, talk, cannot), bare, not excepted)
+    return Part(tuple(does), mentions, talk, cannot)
 
 
-def _role(words: tuple[str, ...], at: int, begin: int, language: str) -> str:
+def _role(words: tuple[str, ...], at: int, language: str) -> str:
     """What the word before a thing makes of it."""
-    before = words[at - 1] if at > begin else ""
-    rows = (("to", _TO), ("from", _FROM), ("beside", _BESIDE))
+    before = words[at - 1] if at else ""
+    rows = (("to", _TO), ("from", _FROM), ("beside", _BESIDE), ("except", _EXCEPT))
     return next((role for role, of in rows if before in of[language]), "")

@@ -17,7 +17,7 @@ from companion import commands
 from companion.commands import Offer
 from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
-from services.human_interface.catalogue import MAKE, TASKS, THINGS, say
+from services.human_interface.catalogue import MAKE, NEAR, TASKS, THINGS, say
 from services.human_interface.device_messages import (
     Clause,
     Hints,
@@ -108,6 +108,8 @@ def _outcome(meaning: Meaning, context: Context) -> Outcome:
     """The outcome of a sentence by its clauses."""
     language = meaning.language
     clauses = _weighty(meaning.clauses)
+    if meaning.guessed:
+        clauses = tuple(dict.fromkeys(clauses))
     tasks_of = tuple(clause for clause in clauses if clause.does in MAKE)
     before = tuple(one for one in meaning.clauses if one.does == "the")
     if tasks_of and clauses != meaning.clauses:
@@ -408,54 +410,62 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     """
     language, of = meaning.language, meaning.hints
     plain = replace(meaning, hints=Hints())
-    if of.talk:
-        return _without_task(replace(plain, clauses=(Clause(of.talk),), guessed=True), context)
     read = _outcome(plain, context)
-    if any(clause.unsure for clause in meaning.clauses):
+    asked = isinstance(read, Ask) and bool(read.options or read.sentences)
+    unsure = any(clause.unsure for clause in meaning.clauses)
+    if isinstance(read, Act) or (asked and (unsure or _of_before(meaning, context))):
         return read
+    if of.talk and not (asked and not meaning.guessed):
+        return _without_task(replace(plain, clauses=(Clause(of.talk),), guessed=True), context)
     fits, options = _offered_wishes(of, context, language)
-    why = say(language, of.cannot) if of.cannot else _no_goal(of, language)
+    no_goal = _no_goal(of, language)
+    why = say(language, of.cannot) if of.cannot else no_goal
     able = any(one.does and one.mentions and not one.cannot for one in of.parts)
-    if why and not able and fits < _VERB + 2 * _NAMED:
-        near = in_words(options[0].tasks, language) if options else ""
-        nearest = say(language, "nearest", near) if near else _nearest("", language)
-        return Ask(f"{why} {nearest}")
-    wished = any(clause.does in TASKS for clause in meaning.clauses)
-    if isinstance(read, Ask) and wished and (read.options or read.sentences):
-        options = _beside_read(read, options)
-    elif wished or fits < _NAMED or not (isinstance(read, Ask) or fits > _VERB):
+    if why and (no_goal or not able) and fits < _VERB + 2 * _NAMED:
+        near = TASKS[NEAR[of.cannot]].example[language] if of.cannot else ""
+        near = in_words(options[0].tasks, language) if options else near
+        return Ask(f"{why} {say(language, 'nearest', near) if near else _nearest('', language)}")
+    if asked and any(clause.does in TASKS for clause in meaning.clauses):
+        options = _beside_read(read, options, of)
+    elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
         options = []
     if not options:
-        lacking = _lacking(of) if isinstance(read, Ask) and not read.options else None
-        return _complete(plain, context, lacking) if lacking else read
+        lacking = _lacking(of)
+        if not lacking or asked or not isinstance(read, Ask):
+            return read
+        return _complete(replace(plain, clauses=(lacking,)), context, lacking)
     if meaning.when != When():
         options = options[:1]  # an answer of yes keeps the time that was said, a sentence does not
     if len(options) == 1:
         return Ask(f"{why} {_mean(options[0].tasks, language)}".strip(), tuple(options))
-    asked = _ask_which([in_words(one.tasks, language) for one in options], language)
-    return replace(asked, text=f"{why} {asked.text}".strip())
+    which = _ask_which([in_words(one.tasks, language) for one in options], language)
+    return replace(which, text=f"{why} {which.text}".strip())
 
 
-def _beside_read(read: Ask, options: list[Option]) -> list[Option]:
+def _of_before(meaning: Meaning, context: Context) -> bool:
+    """Whether a sentence is read as what changes the last wish, or answers a question."""
+    does = {clause.does for clause in meaning.clauses} - {"greet", "yes", "no"}
+    return bool(context.last or context.options) and does <= {"the", "rather"}
+
+
+def _beside_read(read: Outcome, options: list[Option], hints: Hints) -> list[Option]:
     """The wishes that are offered where the grammar read some in a part of the sentence: none where
-    it read all that the hints name.
+    it read all that is named.
     """
-    if len(read.options) != 1:
-        return options if len(read.options) > len(options) else []
-    named = [set(_arguments(one)) for one in options[:1]]
-    if not named or named[0] <= set(_arguments(read.options[0])):
+    ones = read.options if isinstance(read, Ask) else ()
+    if len(ones) != 1:
+        return options if len(ones) > 1 else []
+    mentions = (of for part in hints.parts for of in part.mentions if of.role in ("", "to"))
+    named = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
+    if named <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
         return []
     told = [one.tasks for one in options]
-    return options if read.options[0].tasks in told else [*options[: MOST_OFFERED - 1], *read.options]
-
-
-def _arguments(option: Option) -> Iterator[str]:
-    return (one for task in option.tasks for one in task.task.arguments if one)
+    return options if ones[0].tasks in told else [*options[: MOST_OFFERED - 1], *ones]
 
 
 def _lacking(hints: Hints) -> Clause | None:
     """The wish of which only one verb was said."""
-    hinted = {part.does for part in hints.parts if len(part.does) == 1}
+    hinted = {part.does for part in hints.parts if len(part.does) == 1 and not part.mentions}
     does = next((one for one, wish in TASKS.items() if (one,) in hinted and wish.lacking), None)
     return Clause(does, lacks=True) if does else None
 
@@ -464,24 +474,26 @@ def _no_goal(hints: Hints, language: str) -> str:
     """The sentence on something that nothing can be put into; "" where there is none."""
     for part in hints.parts:
         goals = [one.thing for one in part.mentions if one.role == "to"]
-        things = [one.thing for one in part.mentions if one.role != "to"]
-        pours = [one for one in goals if _good_for("pour", one)] if things else goals
-        if pours and any(_good_for("pour", one) for one in things):
+        things = [one.thing for one in part.mentions if one.role == ""]
+        fits = any(_good_for("pour", one) for one in things) or not things
+        if any(_good_for("put", one) or (fits and _good_for("pour", one)) for one in goals):
             continue
-        if goals and things and not any(_good_for("put", one) for one in goals):
-            kind = next((of for one in goals for of in one.kinds if of in THINGS), "")
-            return say(language, "cannot_put", noun(kind, language, 2)) if kind else ""
+        kind = next((kind for one in goals for kind in one.kinds), "")
+        if kind and things:
+            return say(language, "cannot_put", noun(kind, language, 2))
     return ""
 
 
 def _offered_wishes(hints: Hints, context: Context, language: str) -> tuple[int, list[Option]]:
     """The wishes at which a sentence hints, the likeliest first, and how well that one fits."""
     found, firsts = list[_Offer](), list[_Offer]()
-    elsewhere = hints.named
+    elsewhere, verbs = hints.named, tuple[str, ...]()
     for part in hints.parts or (Part(mentions=hints.named),):
-        offers = sorted(_offers(part, elsewhere, context), key=lambda one: -one.fits)
+        verbs = part.does or verbs
+        whole = replace(part, does=verbs)
+        offers = sorted(_offers(whole, elsewhere, context), key=lambda one: -one.fits)
         found += offers
-        firsts += [one for one in offers[:1] if one.fits > _VERB]
+        firsts += [one for one in offers[:1] if one.fits > _VERB and part.does]
         elsewhere += part.mentions
     found.sort(key=lambda one: -one.fits)
     if len(firsts) > 1:
@@ -500,39 +512,54 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
     """Yield the wishes that a part of a sentence may mean, with the things that it names; where a
     wish wants more of them, with those that are known.
     """
-    goals = [one.thing for one in part.mentions if one.role == "to"]
-    things = [one.thing for one in part.mentions if one.role != "to"]
+    kept = [one for one in part.mentions if one.role != "except"]
+    left_out = [kind for one in part.mentions if one not in kept for kind in one.thing.kinds]
+    goals = [one.thing for one in kept if one.role == "to"]
+    things = [one.thing for one in kept if one.role != "to"]
     if not any(_good_for("take", one) for one in things):
-        things = [one.thing for one in elsewhere if _good_for("take", one.thing)][-1:]
-    known = [_object(name) for name in _candidates(context)]
+        things += [one.thing for one in elsewhere if _good_for("take", one.thing)][-1:]
+    known = [_object(name) for name in _candidates(context) if kind_of(name) not in left_out]
     for does, wish in TASKS.items():
         verb = _VERB if does in part.does else 0
         if wish.offer is Offer.ALONE:
             yield from [_Offer(verb + 1, (Clause(does),))] if verb else ()
             continue
         firsts = [one for one in things if _good_for(wish.uses[0], one)]
+        many = [one for one in firsts if one.doubt == "many" or one.ref == "both"]
+        each = [one for one in known for it in many[:1] if _is_one_of(one, it)]
         if len(wish.uses) == 1:
+            score = verb + _NAMED - bool(goals)
+            if (verb or not wish.held) and 1 < len(each) <= MOST_WISHES:
+                yield _Offer(score, tuple(Clause(does, (one,)) for one in each))
             for one in firsts if verb or not wish.held else ():
-                yield _Offer(verb + _NAMED - bool(goals), (Clause(does, (one,)),))
+                yield _Offer(score, (Clause(does, (one,)),))
             continue
         seconds = [one for one in goals if _good_for(wish.uses[1], one)]
         if wish.uses[0] == wish.uses[1] and len(firsts) > 1 and not seconds:
             firsts, seconds = firsts[:1], firsts[1:]
-        fits = verb + _NAMED * (bool(firsts) + bool(seconds))
-        if len(firsts) > 1 and seconds:
-            yield _Offer(fits + _NAMED, tuple(Clause(does, (one, seconds[0])) for one in firsts))
-        if not (seconds or (verb and not goals)):
+        if not (seconds or (verb and firsts and not goals)) or (things and not firsts):
             continue
-        for use, of in ((wish.uses[0], firsts), (wish.uses[1], seconds)):
-            of += [one for one in known if _good_for(use, one)] if not of else []
+        fits = verb + _NAMED * (bool(firsts) + bool(seconds)) - (not (firsts and seconds))
+        several = firsts if len(firsts) > 1 else each
+        if 1 < len(several) <= MOST_WISHES and seconds:
+            together = tuple(Clause(does, (one, seconds[0])) for one in several)
+            yield _Offer(fits + _NAMED, together)
+        firsts = firsts or [one for one in known if _good_for(wish.uses[0], one)]
+        seconds = seconds or [one for one in known if _good_for(wish.uses[1], one)]
         for pair in itertools.product(firsts, seconds):
             yield _Offer(fits, (Clause(does, pair),))
+
+
+def _is_one_of(thing: NamedObject, many: NamedObject) -> bool:
+    """Whether a thing that is known is one of those that a plural means."""
+    movable = any("take" in THINGS[kind].can for kind in thing.kinds)
+    return movable and (not many.kinds or bool({*thing.kinds} & {*many.kinds}))
 
 
 def _good_for(use: str, thing: NamedObject) -> bool:
     """Whether a thing may be good for a use, as far as its name tells."""
     kinds = [THINGS[kind] for kind in thing.kinds]
-    return any(use in kind.can for kind in kinds) or (thing.ref == "it" and use != "put")
+    return any(use in kind.can for kind in kinds) or (bool(thing.ref) and use == "take")
 
 
 def _made_clear(
