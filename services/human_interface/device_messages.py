@@ -50,7 +50,7 @@ class Mention(msgspec.Struct, frozen=True, omit_defaults=True):
 class Part(msgspec.Struct, frozen=True, omit_defaults=True):
     """A part of a sentence that is not understood as a whole: the wishes for tasks, the row for a
     question or an answer (`talk`), and the sentence of what the robot cannot do, at which its words
-    hint; and the things in it.
+    hint; and the things in it. Words of what it cannot do that stand first leave no wish.
     """
 
     does: tuple[str, ...] = ()

@@ -19,7 +19,7 @@ from rapidfuzz.distance import OSA
 
 from companion.stop_words import fold
 from services.human_interface import patterns
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, TASKS, WISHES, phrases
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, TASKS, THINGS, WISHES, phrases
 from services.human_interface.device_messages import Clause, Hints, Meaning, NamedObject
 from services.human_interface.hints import Named, hints
 from services.human_interface.times import split_time
@@ -386,8 +386,13 @@ def _doubtful(meaning: Meaning) -> tuple[bool, bool]:
 
 def _unclear(clause: Clause) -> bool:
     """Whether a clause may come to nothing by itself."""
-    plain = all(one.kinds and not (one.doubt or one.quality) for one in clause.things)
-    return clause.does in ("the", "rather") or (clause.does in TASKS and not plain)
+    if clause.does not in TASKS:
+        return clause.does in ("the", "rather")
+    return any(
+        one.doubt or one.quality or not any(use in THINGS[kind].can for kind in one.kinds)
+        for one, use in zip(clause.things, TASKS[clause.does].uses, strict=False)
+        if not one.ref
+    )
 
 
 def _strange(meaning: Meaning) -> bool:

@@ -153,7 +153,8 @@ def _read(
         if not (does or talk):
             talk = next((one for one in found.does if one not in TASKS and one not in _CANNOT), "")
         cannot = cannot or next((one for one in found.does if one in _CANNOT), "")
-        does += [one for one in tasks if one not in does and not talk]
+        # "throw the jar away to get it out": what comes behind is no wish of its own
+        does += [one for one in tasks if one not in does and not (talk or (cannot and not does))]
     asks = said[0] in _ASKING[language] and any(one.thing.kinds for one in mentions)
     if asks and not (does or talk or cannot):
         talk = "see"

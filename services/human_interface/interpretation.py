@@ -391,9 +391,10 @@ def _nearest(does: str, language: str) -> str:
 # --- hints ----------------------------------------------------------------------------------------
 
 MOST_OFFERED = 4  # wishes in a question (estimate)
-_VERB, _NAMED, _NEAR = 4, 2, 3
-"""Weights of a word that hints at a wish and of a thing that is named, and how much less than the
-best wish one is offered still (estimates).
+_VERB, _NAMED, _NEAR, _SURE = 4, 2, 3, 7
+"""Weights of a word that hints at a wish and of a thing that is named; how much less than the best
+wish one is offered still; from which sum on a wish is meant rather than what cannot be done
+(estimates).
 """
 
 
@@ -420,13 +421,18 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     fits, options = _offered_wishes(of, context, language)
     no_goal = _no_goal(of, language)
     why = say(language, of.cannot) if of.cannot else no_goal
-    able = any(one.does and one.mentions and not one.cannot for one in of.parts)
-    if why and (no_goal or not able) and fits < _VERB + 2 * _NAMED:
+    able = any(one.does and one.mentions for one in of.parts)
+    wished = all(clause.does in TASKS for clause in meaning.clauses)
+    if asked and able and wished and not meaning.guessed:
+        return read
+    if (of.cannot and not able) or (no_goal and fits < _SURE):
         near = TASKS[NEAR[of.cannot]].example[language] if of.cannot else ""
-        near = in_words(options[0].tasks, language) if options else near
+        one = next((one for one in options if len(one.tasks) == 1), None)
+        near = in_words(one.tasks, language) if one else near
         return Ask(f"{why} {say(language, 'nearest', near) if near else _nearest('', language)}")
     if asked and any(clause.does in TASKS for clause in meaning.clauses):
-        options = _beside_read(read, options, of)
+        things = (thing for clause in meaning.clauses for thing in clause.things)
+        options = _beside_read(read, options, of, named=all(one.kinds for one in things))
     elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
         options = []
     if not options:
@@ -448,16 +454,18 @@ def _of_before(meaning: Meaning, context: Context) -> bool:
     return bool(context.last or context.options) and does <= {"the", "rather"}
 
 
-def _beside_read(read: Outcome, options: list[Option], hints: Hints) -> list[Option]:
+def _beside_read(
+    read: Outcome, options: list[Option], hints: Hints, *, named: bool
+) -> list[Option]:
     """The wishes that are offered where the grammar read some in a part of the sentence: none where
-    it read all that is named.
+    it read all of them. `named`: it read no thing but by a name that is known.
     """
     ones = read.options if isinstance(read, Ask) else ()
     if len(ones) != 1:
-        return options if len(ones) > 1 else []
+        return [] if named or not ones else options
     mentions = (of for part in hints.parts for of in part.mentions if of.role in ("", "to"))
-    named = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
-    if named <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
+    kinds = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
+    if kinds <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
         return []
     told = [one.tasks for one in options]
     return options if ones[0].tasks in told else [*options[: MOST_OFFERED - 1], *ones]
@@ -503,7 +511,8 @@ def _offered_wishes(hints: Hints, context: Context, language: str) -> tuple[int,
     for one in found:
         for tasks, plain in _made_clear(one.clauses, context, language):
             fits = fits or one.fits
-            if one.fits >= fits - _NEAR and len(options) < MOST_OFFERED:
+            once = len(set(tasks)) == len(tasks)
+            if once and one.fits >= fits - _NEAR and len(options) < MOST_OFFERED:
                 options.setdefault(in_words(tasks, language), Option("", tasks, plain))
     return fits, list(options.values())
 
@@ -515,18 +524,20 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
     kept = [one for one in part.mentions if one.role != "except"]
     left_out = [kind for one in part.mentions if one not in kept for kind in one.thing.kinds]
     goals = [one.thing for one in kept if one.role == "to"]
-    things = [one.thing for one in kept if one.role != "to"]
+    things = [one.thing for one in kept if one.role != "to" and one.thing.kinds]
     if not any(_good_for("take", one) for one in things):
         things += [one.thing for one in elsewhere if _good_for("take", one.thing)][-1:]
+    things = things or [one.thing for one in kept if one.thing.ref and one.role != "to"]
     known = [_object(name) for name in _candidates(context) if kind_of(name) not in left_out]
     for does, wish in TASKS.items():
         verb = _VERB if does in part.does else 0
         if wish.offer is Offer.ALONE:
-            yield from [_Offer(verb + 1, (Clause(does),))] if verb else ()
+            yield from [_Offer(verb + _NAMED, (Clause(does),))] if verb else ()
             continue
         firsts = [one for one in things if _good_for(wish.uses[0], one)]
         many = [one for one in firsts if one.doubt == "many" or one.ref == "both"]
-        each = [one for one in known for it in many[:1] if _is_one_of(one, it)]
+        each = [one for one in known if any(_is_one_of(one, it) for it in many)]
+        firsts = each or firsts
         if len(wish.uses) == 1:
             score = verb + _NAMED - bool(goals)
             if (verb or not wish.held) and 1 < len(each) <= MOST_WISHES:
@@ -540,9 +551,8 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
         if not (seconds or (verb and firsts and not goals)) or (things and not firsts):
             continue
         fits = verb + _NAMED * (bool(firsts) + bool(seconds)) - (not (firsts and seconds))
-        several = firsts if len(firsts) > 1 else each
-        if 1 < len(several) <= MOST_WISHES and seconds:
-            together = tuple(Clause(does, (one, seconds[0])) for one in several)
+        if 1 < len(firsts) <= MOST_WISHES and seconds:
+            together = tuple(Clause(does, (one, seconds[0])) for one in firsts)
             yield _Offer(fits + _NAMED, together)
         firsts = firsts or [one for one in known if _good_for(wish.uses[0], one)]
         seconds = seconds or [one for one in known if _good_for(wish.uses[1], one)]
@@ -569,7 +579,8 @@ def _made_clear(
     try:
         yield _tasks(clauses, context, language)
     except _Doubt as doubt:
-        for name in doubt.names:
+        known = {kind_of(name) for name in _candidates(context)}
+        for name in [one for one in doubt.names if kind_of(one) in known] or doubt.names:
             clear = _with_thing(clauses, doubt.thing, _object(name))
             with contextlib.suppress(_Doubt):
                 yield _tasks(clear, context, language)
@@ -649,7 +660,7 @@ def _resolved_object(
     """
     fit = tuple(one.name for one in THINGS.values() if use in one.can)
     if thing.ref:
-        return _referred(thing, mentioned, fit, language)
+        return _referred(thing, use, mentioned, fit, language)
     if not thing.kinds:
         raise _Doubt(thing, say(language, "unknown", thing.said), fit)
     possible = tuple(kind for kind in thing.kinds if kind in fit)
@@ -675,7 +686,7 @@ def _resolved_object(
 
 
 def _referred(
-    thing: NamedObject, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str
+    thing: NamedObject, use: str, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str
 ) -> str:
     """The thing that a word such as "it" stands for."""
     if thing.ref == "both":
@@ -685,6 +696,8 @@ def _referred(
     at = 0 if thing.ref == "it" else 1
     meant = thing.kinds or fit
     known = tuple(name for name in mentioned if kind_of(name) in fit and kind_of(name) in meant)
+    if use == "put" and mentioned and kind_of(mentioned[0]) not in fit:
+        known = ()  # "put the box on the table and the bowl on it": on the box
     if len(known) <= at:
         raise _Doubt(thing, say(language, "name_it", thing.said), thing.kinds or fit)
     return known[at]

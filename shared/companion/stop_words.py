@@ -77,7 +77,6 @@ AT_ONCE_S = 1.0
 """A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate:
 hi takes ms).
 """
-MOST_NEAR = 2  # different words of a sentence in which a slip may be a stop word (estimate)
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
 
@@ -178,28 +177,35 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
     words = _as_in_rows(sentence)
     if any(words == _as_in_rows(one) for one in answers):
         return ""
-    table, text = _table(), _without_harmless(words)
-    inner = table.leading.sub(" ", text)
-    anywhere = (row for row in table.anywhere if row in text)
-    opening = (row for row in table.opening if inner.startswith(row))
-    alone = (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
-    different = set(words) - table.beside
-    near = (word for word in words if len(different) <= MOST_NEAR and word in table.near)
-    found = (anywhere, opening, alone, near, _longer(words), _apart(sentence))
+    table = _table()
+    few = len(words) <= 2 or len(set(words) - table.beside) == 1
+    near = (word for word in words if few and word in table.near)
+    text = f" {' '.join(words)} "
+    longer = (row for row in table.longer if row in text)
+    found = (_in(_without_harmless(words)), _apart(sentence), longer, near)
     return next((row.strip() for rows in found for row in rows), "")
 
 
-def _longer(words: list[str]) -> Iterator[str]:
-    """The rows that have a harmless one in them: "nie spiesz się tak"."""
-    text = f" {' '.join(words)} "
-    return (row for row in _table().longer if row in text)
+def _in(text: str) -> Iterator[str]:
+    """The rows in a text without harmless ones."""
+    table = _table()
+    inner = table.leading.sub(" ", text)
+    yield from (row for row in table.anywhere if row in text)
+    yield from (row for row in table.opening if inner.startswith(row))
+    yield from (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
 
 
 def _apart(sentence: str) -> Iterator[str]:
-    """The rows between two marks that end a sentence: a harmless row is said without one."""
-    parts = _MARK.split(fold(sentence[:LONGEST])[:LONGEST])
-    texts = (_without_harmless(_as_in_rows(one)) for one in parts if len(parts) > 1)
-    return (row for text in texts for row in _table().anywhere if row in text)
+    """The rows where no harmless one reaches over a mark: "Don't! Forget it"."""
+    text = fold(sentence[:LONGEST])[:LONGEST]
+    parts = _MARK.split(text)
+    for one in parts if len(parts) > 1 else ():
+        without = _without_harmless(_as_in_rows(one))
+        yield from (row for row in _table().anywhere if row in without)
+    parts = _END.split(text)
+    if len(parts) > 1:
+        kept = (word for one in parts for word in _without_harmless(_as_in_rows(one)).split())
+        yield from _in(f" {' '.join(kept)} ")
 
 
 def may_answer(sentence: str) -> bool:
@@ -289,7 +295,8 @@ def _without_harmless(words: list[str]) -> str:
 
 _EMOJI = "".join(sorted({sign for group in ROWS.stop for sign in group.en if not sign.isascii()}))
 _WORD = re.compile(rf"[^\W_]+|[{_EMOJI}]")
-_MARK = re.compile(r"[.,:]+(?=\s)|\s[-\u2013\u2014]+\s|[!?;\u2026]+")
+_END = re.compile(r"[.:]+(?=\s)|[!?;\u2026]+")
+_MARK = re.compile(rf"{_END.pattern}|,(?=\s)|\s[-\u2013\u2014]+\s")
 _LOOSE = re.compile(r"(?<!\S)\w(?: \w){2,}(?!\S)")
 _ALIKE = str.maketrans("01i", "oll")
 _LONG = {
