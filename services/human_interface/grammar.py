@@ -37,6 +37,7 @@ SHORT, LONG = 3, 6
 # (estimate)
 ALIKE = 45.0
 MOST_ALIKE = 3  # known words that an unknown one may be (estimate)
+SURE_BY = 2  # known words more than of another language, which is not tried then (estimate)
 MOST_GUESSES = 9  # sentences that are tried for one with unknown words (estimate)
 
 LACKS = "lacks"  # how a form asks for a wish: something is left out
@@ -138,6 +139,7 @@ class _Language:
             for text in row.texts(language, how)
         ]
         self.words = frozenset(self._of.words)
+        self._by_first: dict[str, list[tuple[str, str, patterns.Part]]] = {}
 
     def _strange_words(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
         """One to three words that nobody knows."""
@@ -251,6 +253,14 @@ class _Language:
             at = end
         return found
 
+    def _beginning(self, word: str) -> list[tuple[str, str, patterns.Part]]:
+        """The forms that may begin with a word, in the order of the catalogue."""
+        key = word if word in self.words else ""
+        if key not in self._by_first:
+            forms = [(row, row[2].first) for row in self._forms]
+            self._by_first[key] = [row for row, of in forms if of is None or key in of]
+        return self._by_first[key]
+
     def _behind_joining(self, sentence: patterns.Sentence, at: int) -> set[int]:
         """Where the next wish may begin: behind a comma, a joining word, or both."""
         comma = sentence.words[at] == ","
@@ -262,7 +272,9 @@ class _Language:
     def _clause_ends(self, sentence: patterns.Sentence, at: int) -> dict[int, tuple[int, Clause]]:
         """The ends of the wishes that begin at a word, the first one of the catalogue for each."""
         ends: dict[int, tuple[int, Clause]] = {}
-        for does, how, form in self._forms:
+        if at == len(sentence.words):
+            return ends
+        for does, how, form in self._beginning(sentence.words[at]):
             for end, (found, strange) in sentence.ends(form, at).items():
                 if end not in ends or strange < ends[end][0]:
                     ends[end] = strange, _clause(does, found, how)
@@ -335,7 +347,9 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     separators = sum(word == "," or word in _JOINING for word in _polite(words, language))
     if separators > MOST_SEPARATORS:
         return Meaning(language, why="many")
-    readings = {one: _readings(words, one) for one in sorted(LANGUAGES, key=language.__ne__)}
+    known = _known(words, language) - SURE_BY
+    likely = [one for one in LANGUAGES if one == language or _known(words, one) >= known]
+    readings = {one: _readings(words, one) for one in sorted(likely, key=language.__ne__)}
     parsed = [_OF[of].meaning(one) for of in readings for one in readings[of]]
     found = min(filter(None, parsed), key=_doubtful, default=None)
     if found is not None and _strange(found) and found.language != language:

@@ -110,11 +110,16 @@ def hints(words: tuple[str, ...], language: str, named: Iterable[Named]) -> Hint
     read = list(_joined(read))
     told = [one for one in read if one.does or any(of.role == "to" for of in one.mentions)]
     asked = next((one.talk for one in read if one.talk), "")
-    if asked and not any(one.mentions or _ALONE & {*one.does} for one in told if one.does):
+    wished = (one for one in told if one.does)
+    if asked and not any(_names_one(one) or _ALONE & {*one.does} for one in wished):
         return Hints(talk=asked)
     cannot = next((one.cannot for one in read if one.cannot), "")
     named = (of for one in read if one not in told for of in one.mentions)
     return Hints(tuple(told), "", cannot, tuple(named))
+
+
+def _names_one(part: Part) -> bool:
+    return any(one.thing.kinds for one in part.mentions)
 
 
 def _joined(parts: Iterable[Part]) -> Iterator[Part]:
@@ -148,17 +153,17 @@ def _read(
     talk = cannot = ""
     for found in _OF[language].found(said):
         tasks = [one for one in found.does if one in TASKS]
-        if found.at and tasks and said[found.at - 1] in _DENYING[language]:
+        if found.at and said[found.at - 1] in _DENYING[language]:
             continue
         if not (does or talk):
             talk = next((one for one in found.does if one not in TASKS and one not in _CANNOT), "")
         cannot = cannot or next((one for one in found.does if one in _CANNOT), "")
         # "throw the jar away to get it out": what comes behind is no wish of its own
         does += [one for one in tasks if one not in does and not (talk or (cannot and not does))]
-    asks = said[0] in _ASKING[language] and any(one.thing.kinds for one in mentions)
-    if asks and not (does or talk or cannot):
-        talk = "see"
-    return Part(tuple(does), mentions, talk, cannot)
+    part = Part(tuple(does), mentions, talk, cannot)
+    if part == Part(mentions=mentions) and said[0] in _ASKING[language] and _names_one(part):
+        return replace(part, talk="see")
+    return part
 
 
 def _role(words: tuple[str, ...], at: int, language: str) -> str:

@@ -115,7 +115,8 @@ def _outcome(meaning: Meaning, context: Context) -> Outcome:
     if tasks_of and clauses != meaning.clauses:
         # names before a wish say what "it" is; one that nobody knows makes it a guess
         kinds = [one.things[0].kinds for one in before if not one.things[0].ref]
-        clear = [of[0] for of in kinds if len(of) == 1]
+        several = [kind_of(name) for name in context.seen or ()]
+        clear = [of[0] for of in kinds if len(of) == 1 and several.count(of[0]) < 2]
         context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
         meaning = replace(meaning, guessed=meaning.guessed or () in kinds)
     if tasks_of and tasks_of != clauses:  # and a question, or to cancel
@@ -422,8 +423,10 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     no_goal = _no_goal(of, language)
     why = say(language, of.cannot) if of.cannot else no_goal
     able = any(one.does and one.mentions for one in of.parts)
+    things = [thing for clause in meaning.clauses for thing in clause.things]
     wished = all(clause.does in TASKS for clause in meaning.clauses)
-    if asked and able and wished and not meaning.guessed:
+    plain_read = wished and not meaning.guessed and all(one.kinds for one in things)
+    if asked and able and plain_read:
         return read
     if (of.cannot and not able) or (no_goal and fits < _SURE):
         near = TASKS[NEAR[of.cannot]].example[language] if of.cannot else ""
@@ -431,7 +434,6 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
         near = in_words(one.tasks, language) if one else near
         return Ask(f"{why} {say(language, 'nearest', near) if near else _nearest('', language)}")
     if asked and any(clause.does in TASKS for clause in meaning.clauses):
-        things = (thing for clause in meaning.clauses for thing in clause.things)
         options = _beside_read(read, options, of, named=all(one.kinds for one in things))
     elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
         options = []
@@ -465,7 +467,7 @@ def _beside_read(
         return [] if named or not ones else options
     mentions = (of for part in hints.parts for of in part.mentions if of.role in ("", "to"))
     kinds = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
-    if kinds <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
+    if (named or not options) and kinds <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
         return []
     told = [one.tasks for one in options]
     return options if ones[0].tasks in told else [*options[: MOST_OFFERED - 1], *ones]
@@ -528,6 +530,8 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
     if not any(_good_for("take", one) for one in things):
         things += [one.thing for one in elsewhere if _good_for("take", one.thing)][-1:]
     things = things or [one.thing for one in kept if one.thing.ref and one.role != "to"]
+    if not things and len(goals) > 1:  # "what is in the jar into the bowl"
+        things, goals = goals[:1], goals[1:]
     known = [_object(name) for name in _candidates(context) if kind_of(name) not in left_out]
     for does, wish in TASKS.items():
         verb = _VERB if does in part.does else 0
@@ -540,8 +544,8 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
         firsts = each or firsts
         if len(wish.uses) == 1:
             score = verb + _NAMED - bool(goals)
-            if (verb or not wish.held) and 1 < len(each) <= MOST_WISHES:
-                yield _Offer(score, tuple(Clause(does, (one,)) for one in each))
+            if (verb or (each and not wish.held)) and 1 < len(firsts) <= MOST_WISHES:
+                yield _Offer(score, tuple(Clause(does, (one,)) for one in firsts))
             for one in firsts if verb or not wish.held else ():
                 yield _Offer(score, (Clause(does, (one,)),))
             continue
@@ -579,6 +583,8 @@ def _made_clear(
     try:
         yield _tasks(clauses, context, language)
     except _Doubt as doubt:
+        if doubt.thing.ref == "it":
+            return
         known = {kind_of(name) for name in _candidates(context)}
         for name in [one for one in doubt.names if kind_of(one) in known] or doubt.names:
             clear = _with_thing(clauses, doubt.thing, _object(name))
