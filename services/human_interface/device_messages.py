@@ -61,13 +61,16 @@ class Part(msgspec.Struct, frozen=True, omit_defaults=True):
 
 class Hints(msgspec.Struct, frozen=True, omit_defaults=True):
     """What a sentence may be about. `parts`: those that hint at wishes for tasks, or say where
-    something is to go; `talk`, `cannot`: as of a Part; `named`: the things in other parts.
+    something is to go; `talk`, `cannot`: as of a Part; `named`: the things in other parts; `asks`:
+    it begins as a question about one; `side`: of a hand.
     """
 
     parts: tuple[Part, ...] = ()
     talk: str = ""
     cannot: str = ""
     named: tuple[Mention, ...] = ()
+    asks: bool = False
+    side: str = ""
 
 
 class When(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -131,6 +131,7 @@ class _Language:
             for end, match in sentence.ends(whole, at).items()
         }
         self._thing = self._of.rules["THING"]
+        self._hand = self._of.part("ONE_HAND")
         self._joining = self._of.part(CATALOGUE.joining[language])
         self._forms = [
             (row.does, how, self._of.part(text))
@@ -253,6 +254,13 @@ class _Language:
             at = end
         return found
 
+    def side(self, words: tuple[str, ...]) -> str:
+        """The side of a hand that the words name; "" for none."""
+        sentence = patterns.Sentence(words)
+        ends = (sentence.ends(self._hand, at) for at in range(len(words)))
+        found = (one for of in ends for match in of.values() for one in match.found)
+        return next((one.value for one in found if isinstance(one, _Found)), "")
+
     def _beginning(self, word: str) -> list[tuple[str, str, patterns.Part]]:
         """The forms that may begin with a word, in the order of the catalogue."""
         key = word if word in self.words else ""
@@ -334,10 +342,10 @@ def _hints(words: tuple[str, ...], language: str) -> Hints:
     """The hints in the words, else in those with the likeliest known ones for the unknown."""
     of = _OF[language]
     found = hints(words, language, of.named(words))
-    if found != Hints():
-        return found
-    alike = next(iter(_corrected(words, language)), words)
-    return hints(alike, language, of.named(alike))
+    if found == Hints():
+        words = next(iter(_corrected(words, language)), words)
+        found = hints(words, language, of.named(words))
+    return replace(found, side=of.side(words))
 
 
 def _read(words: tuple[str, ...], language: str) -> Meaning:

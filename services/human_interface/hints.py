@@ -104,18 +104,28 @@ def hints(words: tuple[str, ...], language: str, named: Iterable[Named]) -> Hint
     for at, word in enumerate((*words, ",")):
         inside = any(one[0] <= at < one[1] for one in names)
         if not inside and (word == "," or word in _BORDERS[language]):
-            parts.append((begin, at))
+            parts += [(begin, at)] if begin < at else []
             begin = at + 1
-    read = [_read(words, begin, end, language, names) for begin, end in parts if begin < end]
+    read = [_read(words, begin, end, language, names) for begin, end in parts]
+    perhaps = any(
+        words[begin] in _ASKING[language] and one == Part(mentions=one.mentions) and _names_one(one)
+        for (begin, _), one in zip(parts, read, strict=True)
+    )
     read = list(_joined(read))
     told = [one for one in read if one.does or any(of.role == "to" for of in one.mentions)]
     asked = next((one.talk for one in read if one.talk), "")
-    wished = (one for one in told if one.does)
-    if asked and not any(_names_one(one) or _ALONE & {*one.does} for one in wished):
+    if asked and not any(map(_wishes, told)):
         return Hints(talk=asked)
     cannot = next((one.cannot for one in read if one.cannot), "")
     named = (of for one in read if one not in told for of in one.mentions)
-    return Hints(tuple(told), "", cannot, tuple(named))
+    return Hints(tuple(told), "", cannot, tuple(named), perhaps)
+
+
+def _wishes(part: Part) -> bool:
+    """Whether a part wishes by itself: with a verb and what it needs, or a thing and its place."""
+    roles = {one.role for one in part.mentions if one.thing.kinds}
+    verb = part.does and (roles or _ALONE & {*part.does})
+    return bool(verb or (not part.talk and roles >= {"", "to"}))
 
 
 def _names_one(part: Part) -> bool:
@@ -160,10 +170,7 @@ def _read(
         cannot = cannot or next((one for one in found.does if one in _CANNOT), "")
         # "throw the jar away to get it out": what comes behind is no wish of its own
         does += [one for one in tasks if one not in does and not (talk or (cannot and not does))]
-    part = Part(tuple(does), mentions, talk, cannot)
-    if part == Part(mentions=mentions) and said[0] in _ASKING[language] and _names_one(part):
-        return replace(part, talk="see")
-    return part
+    return Part(tuple(does), mentions, talk, cannot)
 
 
 def _role(words: tuple[str, ...], at: int, language: str) -> str:

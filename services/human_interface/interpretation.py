@@ -269,7 +269,8 @@ def _offer(
             tasks, plain = _tasks(clauses, context, language)
         except _Doubt:
             continue
-        if tasks and not (instead and in_words(tasks, language) == before):
+        once = len(set(tasks)) == len(tasks)
+        if tasks and once and not (instead and in_words(tasks, language) == before):
             options.append(Option("", tasks, plain, instead))
     if not options:
         return Ask(say(language, "nothing_before"))
@@ -344,6 +345,8 @@ def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     if not (thing.kinds or thing.ref):
         return Ask(_not_understood(replace(meaning, why="sorry", strange=thing.said)))
     name = f"{thing.kinds[0]}_{thing.number}" if thing.number else "".join(thing.kinds[:1])
+    if name not in options and thing.number == 1:  # "the jar one"
+        name = thing.kinds[0]
     plain = (
         not (thing.quality or thing.ref or thing.doubt or meaning.guessed) and len(thing.kinds) == 1
     )
@@ -417,12 +420,17 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     unsure = any(clause.unsure for clause in meaning.clauses)
     if isinstance(read, Act) or (asked and (unsure or _of_before(meaning, context))):
         return read
-    if of.talk and not (asked and not meaning.guessed):
-        return _without_task(replace(plain, clauses=(Clause(of.talk),), guessed=True), context)
+    wishes = any(clause.does in TASKS for clause in meaning.clauses)
+    talk = of.talk or ("see" if of.asks and not wishes else "")
+    if talk and not (asked and not meaning.guessed):
+        return _without_task(replace(plain, clauses=(Clause(talk),), guessed=True), context)
     fits, options = _offered_wishes(of, context, language)
     no_goal = _no_goal(of, language)
-    why = say(language, of.cannot) if of.cannot else no_goal
-    able = any(one.does and one.mentions for one in of.parts)
+    why = say(language, of.cannot) if of.cannot else ""
+    able = any(
+        (one.does or not one.cannot) and any(it.thing.kinds for it in one.mentions)
+        for one in of.parts
+    )
     things = [thing for clause in meaning.clauses for thing in clause.things]
     wished = all(clause.does in TASKS for clause in meaning.clauses)
     plain_read = wished and not meaning.guessed and all(one.kinds for one in things)
@@ -432,8 +440,9 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
         near = TASKS[NEAR[of.cannot]].example[language] if of.cannot else ""
         one = next((one for one in options if len(one.tasks) == 1), None)
         near = in_words(one.tasks, language) if one else near
-        return Ask(f"{why} {say(language, 'nearest', near) if near else _nearest('', language)}")
-    if asked and any(clause.does in TASKS for clause in meaning.clauses):
+        nearest = say(language, "nearest", near) if near else _nearest("", language)
+        return Ask(f"{why or no_goal} {nearest}")
+    if asked and wishes:
         options = _beside_read(read, options, of, named=all(one.kinds for one in things))
     elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
         options = []
@@ -470,6 +479,8 @@ def _beside_read(
     if (named or not options) and kinds <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
         return []
     told = [one.tasks for one in options]
+    if told == [ones[0].tasks]:  # its question says what is not clear
+        return []
     return options if ones[0].tasks in told else [*options[: MOST_OFFERED - 1], *ones]
 
 
@@ -484,7 +495,7 @@ def _no_goal(hints: Hints, language: str) -> str:
     """The sentence on something that nothing can be put into; "" where there is none."""
     for part in hints.parts:
         goals = [one.thing for one in part.mentions if one.role == "to"]
-        things = [one.thing for one in part.mentions if one.role == ""]
+        things = [one.thing for one in part.mentions if one.role == "" and one.thing.kinds]
         fits = any(_good_for("pour", one) for one in things) or not things
         if any(_good_for("put", one) or (fits and _good_for("pour", one)) for one in goals):
             continue
@@ -501,7 +512,8 @@ def _offered_wishes(hints: Hints, context: Context, language: str) -> tuple[int,
     for part in hints.parts or (Part(mentions=hints.named),):
         verbs = part.does or verbs
         whole = replace(part, does=verbs)
-        offers = sorted(_offers(whole, elsewhere, context), key=lambda one: -one.fits)
+        plain = _offers(whole, elsewhere, context)
+        offers = sorted((_with_hand(one, hints.side) for one in plain), key=lambda one: -one.fits)
         found += offers
         firsts += [one for one in offers[:1] if one.fits > _VERB and part.does]
         elsewhere += part.mentions
@@ -528,7 +540,9 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
     goals = [one.thing for one in kept if one.role == "to"]
     things = [one.thing for one in kept if one.role != "to" and one.thing.kinds]
     if not any(_good_for("take", one) for one in things):
-        things += [one.thing for one in elsewhere if _good_for("take", one.thing)][-1:]
+        things += [
+            one.thing for one in elsewhere if one.thing.kinds and _good_for("take", one.thing)
+        ][-1:]
     things = things or [one.thing for one in kept if one.thing.ref and one.role != "to"]
     if not things and len(goals) > 1:  # "what is in the jar into the bowl"
         things, goals = goals[:1], goals[1:]
@@ -562,6 +576,14 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
         seconds = seconds or [one for one in known if _good_for(wish.uses[1], one)]
         for pair in itertools.product(firsts, seconds):
             yield _Offer(fits, (Clause(does, pair),))
+
+
+def _with_hand(offer: _Offer, side: str) -> _Offer:
+    """The wishes with a hand where one of them can have it, which fits better then."""
+    clauses = [
+        replace(one, side=side) if side and TASKS[one.does].sided else one for one in offer.clauses
+    ]
+    return _Offer(offer.fits + (tuple(clauses) != offer.clauses), tuple(clauses))
 
 
 def _is_one_of(thing: NamedObject, many: NamedObject) -> bool:
