@@ -19,7 +19,15 @@ from rapidfuzz.distance import OSA
 
 from companion.stop_words import fold
 from services.human_interface import patterns
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, TASKS, THINGS, WISHES, phrases
+from services.human_interface.catalogue import (
+    CATALOGUE,
+    LANGUAGES,
+    RULES,
+    TASKS,
+    THINGS,
+    WISHES,
+    phrases,
+)
 from services.human_interface.device_messages import Clause, Hints, Meaning, NamedObject
 from services.human_interface.hints import Named, hints
 from services.human_interface.times import split_time
@@ -246,7 +254,11 @@ class _Language:
                 for thing in match.found
                 if isinstance(thing, NamedObject)
                 and not match.strange
-                and (thing.kinds or thing.ref == "both" or (thing.ref == "it" and words[at] != "that"))
+                and (
+                    thing.kinds
+                    or thing.ref == "both"
+                    or (thing.ref == "it" and words[at] != "that")
+                )
             ]
             end, thing = max(known, key=lambda one: one[0], default=(at + 1, None))
             if thing is not None:

@@ -39,9 +39,9 @@ class _Phrases:
                 if does not in words:
                     words.append(does)
         self._by_start: dict[str, list[tuple[tuple[str, ...], tuple[str, ...]]]] = {}
-        for phrase, does in sorted(found.items(), key=lambda one: (-len(one[0]), one[0])):
+        for phrase, of in found.items():
             start = phrase[0].removesuffix("*")
-            self._by_start.setdefault(start, []).append((phrase, tuple(does)))
+            self._by_start.setdefault(start, []).append((phrase, tuple(of)))
         self._longest = max(map(len, self._by_start), default=0)
 
     def found(self, words: tuple[str, ...]) -> Iterator[_Found]:
@@ -117,8 +117,8 @@ def hints(words: tuple[str, ...], language: str, named: Iterable[Named]) -> Hint
     if asked and not any(map(_wishes, told)):
         return Hints(talk=asked)
     cannot = next((one.cannot for one in read if one.cannot), "")
-    named = (of for one in read if one not in told for of in one.mentions)
-    return Hints(tuple(told), "", cannot, tuple(named), perhaps)
+    others = (of for one in read if one not in told for of in one.mentions)
+    return Hints(tuple(told), "", cannot, tuple(others), perhaps)
 
 
 def _wishes(part: Part) -> bool:
@@ -149,9 +149,7 @@ def _joined(parts: Iterable[Part]) -> Iterator[Part]:
         yield Part(mentions=waiting)
 
 
-def _read(
-    words: tuple[str, ...], begin: int, end: int, language: str, names: list[Named]
-) -> Part:
+def _read(words: tuple[str, ...], begin: int, end: int, language: str, names: list[Named]) -> Part:
     """One part: its first words decide whether it asks or wishes."""
     said = words[begin:end]
     mentions = tuple(

@@ -476,7 +476,9 @@ def _beside_read(
         return [] if named or not ones else options
     mentions = (of for part in hints.parts for of in part.mentions if of.role in ("", "to"))
     kinds = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
-    if (named or not options) and kinds <= {kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one}:
+    if (named or not options) and kinds <= {
+        kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one
+    }:
         return []
     told = [one.tasks for one in options]
     if told == [ones[0].tasks]:  # its question says what is not clear
@@ -512,8 +514,8 @@ def _offered_wishes(hints: Hints, context: Context, language: str) -> tuple[int,
     for part in hints.parts or (Part(mentions=hints.named),):
         verbs = part.does or verbs
         whole = replace(part, does=verbs)
-        plain = _offers(whole, elsewhere, context)
-        offers = sorted((_with_hand(one, hints.side) for one in plain), key=lambda one: -one.fits)
+        handed = (_with_hand(one, hints.side) for one in _offers(whole, elsewhere, context))
+        offers = sorted(handed, key=lambda one: -one.fits)
         found += offers
         firsts += [one for one in offers[:1] if one.fits > _VERB and part.does]
         elsewhere += part.mentions

@@ -8,6 +8,7 @@ robot, HTTP, which tasks there are.
 Here is, too, the form of a text's letters in which sentences are compared (fold).
 """
 
+import itertools
 import re
 import string
 import unicodedata
@@ -357,7 +358,9 @@ def _table() -> _Table:
     plain = {row.strip() for row in _bounded(ROWS.near)}
     near = {slip for word in plain for slip in _slips(word)}
     beside = {word for row in _bounded(f"{ROWS.fillers}, {ROWS.beside}") for word in row.split()}
-    near |= {_once(one) for word in plain for of in {*beside, *plain} for one in (word + of, of + word)}
+    near |= {
+        _once(one) for word in plain for of in {*beside, *plain} for one in (word + of, of + word)
+    }
     harmless = _rows(*ROWS.harmless)
     return _Table(
         anywhere=at["anywhere"],

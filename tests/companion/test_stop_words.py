@@ -53,10 +53,14 @@ rozlałeś mleko|pali się!|dzwoń po karetkę|krew mi leci|nie mogę oddychać|
 upuściłaś słoik|boję się
 st0p|ha1t|b1eeding|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\u200btop|ﬁre
 🛑|✋🏽|🖐️ velma|🆘
-Don't! Forget it!|do not - forget it - stop|Don't, forget it.|I can't! Wait!|Nie! Przestawaj!|NO! dobra
-nie spiesz się tak|for the children's sake|I don't have it, stop|don't forget to stop|Enough! About me
-stob it|stob it stob it|sotp please robot|stopit|stopnow|pleasestop|stopstop|stawp it right now|stój stój!
-swtop that|my hand is caught|when I say stop I mean it|stop by the table|I want that to stop, never mind
+Don't! Forget it!|do not - forget it - stop|Don't, forget it.|I can't! Wait!|Nie! Przestawaj!
+NO! dobra
+nie spiesz się tak|for the children's sake|I don't have it, stop|don't forget to stop
+Enough! About me
+stob it|stob it stob it|sotp please robot|stopit|stopnow|pleasestop|stopstop|stawp it right now
+stój stój!
+swtop that|my hand is caught|when I say stop I mean it|stop by the table
+I want that to stop, never mind
 """
 NO_STOPS = """
 take the jar|pour the content of the jar into the bowl|put down the jar|put the jar on the table
@@ -80,11 +84,15 @@ za moment weź słoik
 w ciągu minuty weź słoik|what can you do|what can I say?|how can you help me?|co umiesz
 w czym możesz mi pomóc?|let go of the jar|drop it|take the one in front of me|hi-1-10
 take jar 10|put it on table 1|open the jam jar
-no rush, take the jar|don't forget the lid|I can't wait to see it|never forget the jar|kind enough to take it
+no rush, take the jar|don't forget the lid|I can't wait to see it|never forget the jar
+kind enough to take it
 I can't stop coughing|keep pouring until I say stop|the bus stop|don't stop on my account|mind you
-he used to say halt who goes there|enough about me|so the flies don't get in|fair enough|that's terrific
-keep it stable|hold on to the jar|I don't usually eat|a bowl for the kids|the doctor said I should eat
-nie spiesz się|nie zapomnij o misce|nie przestawaj|nie ma pośpiechu|nie mogę się doczekać|nie bój się
+he used to say halt who goes there|enough about me|so the flies don't get in|fair enough
+that's terrific
+keep it stable|hold on to the jar|I don't usually eat|a bowl for the kids
+the doctor said I should eat
+nie spiesz się|nie zapomnij o misce|nie przestawaj|nie ma pośpiechu|nie mogę się doczekać
+nie bój się
 nie mam siły|strasznie mi miło|swop hands velma|the top|gdzie stoi słoik
 """
 

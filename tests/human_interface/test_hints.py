@@ -21,6 +21,7 @@ from services.human_interface.interpretation import (
 )
 
 SEEN = Context(seen=("jar_1", "bowl_1", "box_1", "table_1"))
+HINTED = [does for does, wish in TASKS.items() if wish.hint]
 FEW = settings(max_examples=60, deadline=None)
 PLACING = {
     "en": (
@@ -65,7 +66,11 @@ def test_the_place_that_was_said_is_in_the_first_wish_that_is_offered(language, 
 
 
 @FEW
-@given(st.sampled_from([one for one in TASKS if TASKS[one].hint]), st.sampled_from(LANGUAGES), st.data())
+@given(
+    st.sampled_from([one for one in TASKS if TASKS[one].hint]),
+    st.sampled_from(LANGUAGES),
+    st.data(),
+)
 def test_a_hint_is_no_act_and_offers_few_wishes_that_are_understood(does, language, data):
     """Each phrase with a thing and words that nobody knows."""
     phrase = data.draw(st.sampled_from([*forms(TASKS[does].hint[language])]))
@@ -103,7 +108,8 @@ def test_what_cannot_be_done_is_said_with_what_can():
                 if not stop_words(one) and understand(one).language == language
             )
             found = said(sentence)
-            assert isinstance(found, Ask) and not found.options, sentence
+            assert isinstance(found, Ask), sentence
+            assert not found.options, sentence
             assert found.text.startswith(say(language, row.says)), sentence
             (near,) = re.findall(r"'([^']+)'", found.text.removeprefix(say(language, row.says)))
             assert isinstance(said(near), Act), sentence
@@ -118,7 +124,8 @@ def test_a_wish_beside_what_cannot_be_done_is_offered():
     """And what cannot is said as well; alone it is refused."""
     for sentence in CANNOT:
         found = said(sentence)
-        assert isinstance(found, Ask) and not (found.options or found.sentences), sentence
+        assert isinstance(found, Ask), sentence
+        assert not (found.options or found.sentences), sentence
     for sentence in BESIDE:
         assert offered(said(sentence))[0][0].says.startswith("place"), sentence
 
