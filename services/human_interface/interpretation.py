@@ -437,7 +437,8 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     if asked and able and plain_read:
         return read
     if (of.cannot and not able) or (no_goal and fits < _SURE):
-        near = TASKS[NEAR[of.cannot]].example[language] if of.cannot else ""
+        nearest_wish = TASKS.get(NEAR.get(of.cannot, ""))
+        near = nearest_wish.example[language] if nearest_wish else ""
         one = next((one for one in options if len(one.tasks) == 1), None)
         near = in_words(one.tasks, language) if one else near
         nearest = say(language, "nearest", near) if near else _nearest("", language)
@@ -551,7 +552,7 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
     known = [_object(name) for name in _candidates(context) if kind_of(name) not in left_out]
     for does, wish in TASKS.items():
         verb = _VERB if does in part.does else 0
-        if wish.offer is Offer.ALONE:
+        if wish.offer is Offer.ALONE or not wish.uses:
             yield from [_Offer(verb + _NAMED, (Clause(does),))] if verb else ()
             continue
         firsts = [one for one in things if _good_for(wish.uses[0], one)]

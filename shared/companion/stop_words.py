@@ -8,7 +8,6 @@ robot, HTTP, which tasks there are.
 Here is, too, the form of a text's letters in which sentences are compared (fold).
 """
 
-import itertools
 import re
 import string
 import unicodedata
@@ -78,6 +77,7 @@ AT_ONCE_S = 1.0
 """A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate:
 hi takes ms).
 """
+MOST_PARTS = 50  # of a sentence between marks (estimate: people say fewer)
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
 
@@ -183,7 +183,9 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
     near = (word for word in words if few and word in table.near)
     text = f" {' '.join(words)} "
     longer = (row for row in table.longer if row in text)
-    found = (_in(_without_harmless(words)), _apart(sentence), longer, near)
+    rest = _without_harmless(words)
+    apart = _apart(sentence, text) if rest != text else ()
+    found = (_in(rest), apart, longer, near)
     return next((row.strip() for rows in found for row in rows), "")
 
 
@@ -196,10 +198,15 @@ def _in(text: str) -> Iterator[str]:
     yield from (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
 
 
-def _apart(sentence: str) -> Iterator[str]:
-    """The rows where no harmless one reaches over a mark: "Don't! Forget it"."""
+def _apart(sentence: str, whole: str) -> Iterator[str]:
+    """The rows where no harmless one reaches over a mark: "Don't! Forget it"; with too many marks
+    those of the whole.
+    """
     text = fold(sentence[:LONGEST])[:LONGEST]
     parts = _MARK.split(text)
+    if len(parts) > MOST_PARTS:
+        yield from _in(whole)
+        return
     for one in parts if len(parts) > 1 else ():
         without = _without_harmless(_as_in_rows(one))
         yield from (row for row in _table().anywhere if row in without)

@@ -308,7 +308,7 @@ def test_whatever_is_said_is_looked_through(sentence):
 LONG = ("a" * 10**6, "no " * 10**6, "do not " * 10**6, "ﷺ" * LONGEST, "x" * LONGEST + " stop",
         "a b " * LONGEST,
         "in one minute " * LONGEST, "please " * LONGEST, "st0p1 " * LONGEST,
-        "( " * LONGEST)  # fmt: skip
+        "( " * LONGEST, "never mind! " * LONGEST, "in a second. a, " * 49)  # fmt: skip
 
 
 def test_the_longest_sentence_takes_no_time():

@@ -125,7 +125,7 @@ def test_a_wish_beside_what_cannot_be_done_is_offered():
     for sentence in CANNOT:
         found = said(sentence)
         assert isinstance(found, Ask), sentence
-        assert not (found.options or found.sentences), sentence
+        assert found.options + found.sentences == (), sentence
     for sentence in BESIDE:
         assert offered(said(sentence))[0][0].says.startswith("place"), sentence
 
