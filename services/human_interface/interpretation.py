@@ -444,7 +444,7 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
         nearest = say(language, "nearest", near) if near else _nearest("", language)
         return Ask(f"{why or no_goal} {nearest}")
     if asked and wishes:
-        options = _beside_read(read, options, of, named=all(one.kinds for one in things))
+        options = _beside_read(read, options, of, named=not any(one.ref for one in things))
     elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
         options = []
     if not options:
@@ -470,21 +470,23 @@ def _beside_read(
     read: Outcome, options: list[Option], hints: Hints, *, named: bool
 ) -> list[Option]:
     """The wishes that are offered where the grammar read some in a part of the sentence: none where
-    it read all of them. `named`: it read no thing but by a name that is known.
+    it read all of them. `named`: it read no "it" or "that" as a thing.
     """
     ones = read.options if isinstance(read, Ask) else ()
-    if len(ones) != 1:
-        return [] if named or not ones else options
     mentions = (of for part in hints.parts for of in part.mentions if of.role in ("", "to"))
     kinds = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
-    if (named or not options) and kinds <= {
-        kind_of(one) for task in ones[0].tasks for one in task.task.arguments if one
-    }:
+    whole = all(
+        kinds <= {kind_of(name) for task in one.tasks for name in task.task.arguments if name}
+        for one in ones
+    )
+    if not ones or (whole and (named or not options)):
         return []
     told = [one.tasks for one in options]
-    if told == [ones[0].tasks]:  # its question says what is not clear
+    if told == [one.tasks for one in ones]:  # the grammar's question says what is not clear
         return []
-    return options if ones[0].tasks in told else [*options[: MOST_OFFERED - 1], *ones]
+    if len(ones) > 1 or ones[0].tasks in told:
+        return options
+    return [*options[: MOST_OFFERED - 1], *ones]
 
 
 def _lacking(hints: Hints) -> Clause | None:
@@ -739,10 +741,10 @@ def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     language, options = meaning.language, []
     for name in doubt.names:
         clauses = _with_thing(meaning.clauses, doubt.thing, _object(name))
-        try:
-            options.append(Option(name, *_tasks(clauses, context, language)))
-        except _Doubt:
-            continue
+        with contextlib.suppress(_Doubt):
+            tasks, plain = _tasks(clauses, context, language)
+            if len(set(tasks)) == len(tasks):
+                options.append(Option(name, tasks, plain))
     return _which(doubt.text, options, language)
 
 
