@@ -55,7 +55,8 @@ st0p|ha1t|b1eeding|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\
 🛑|✋🏽|🖐️ velma|🆘
 Don't! Forget it!|do not - forget it - stop|Don't, forget it.|I can't! Wait!|Nie! Przestawaj!
 NO! dobra
-nie spiesz się tak|for the children's sake|I don't have it, stop|don't forget to stop
+nie spiesz się tak|nie ma mowy|leave off!|for the children's sake|I don't have it, stop
+don't forget to stop
 Enough! About me
 stob it|stob it stob it|sotp please robot|stopit|stopnow|pleasestop|stopstop|stawp it right now
 stój stój!
@@ -93,7 +94,8 @@ keep it stable|hold on to the jar|I don't usually eat|a bowl for the kids
 the doctor said I should eat
 nie spiesz się|nie zapomnij o misce|nie przestawaj|nie ma pośpiechu|nie mogę się doczekać
 nie bój się
-nie mam siły|strasznie mi miło|swop hands velma|the top|gdzie stoi słoik
+nie mam siły|nie ma słoika na stole|nie mogę znaleźć miski|strasznie mi miło|swop hands velma
+the top|gdzie stoi słoik
 """
 
 
