@@ -213,6 +213,9 @@ def _handle_sentence(memory: Memory, turn: Turn, word: Sentence) -> Memory:
             return memory
         case Tell(does="release"):
             asks = not word.held and any(line.asks for line in memory.open_tasks)
+            if memory.open_tasks and not (word.held or asks):  # it goes on anyway
+                turn.tell(Answer(word.ticket, _status(memory, word, turn.now)))
+                return memory
             row = "asks" if asks else "released"
             return _no_task(memory, turn, word, REFUSED, say(word.meaning.language, row))
         case Tell(does=does):
@@ -512,6 +515,7 @@ ANSWERS: dict[str, Callable[[Memory, str, float], str]] = {
     "help": lambda memory, language, now: say(language, "understood", abilities(language)),
     "stopping": lambda memory, language, now: say(language, "stopping"),
     "greet": lambda memory, language, now: say(language, "greet", abilities(language)),
+    "doors": lambda memory, language, now: say(language, "doors"),
     "hands": _hands,
     "how_long": _how_long,
 }

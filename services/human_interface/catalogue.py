@@ -34,6 +34,17 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     like: dict[str, tuple[str, ...]] = {}
 
 
+class Impossible(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A row [[cannot]]: words that hint at what the robot cannot do, the sentence that says so, and
+    the wish that is nearest to it.
+    """
+
+    says: str
+    near: str
+    en: str
+    pl: str
+
+
 class TimeRow(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [time]: regular expressions of words that say when something is wanted."""
 
@@ -55,11 +66,21 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     turning: dict[str, str]
     denying: dict[str, str]
     once_more: dict[str, str]
+    border: dict[str, str]
+    excepting: dict[str, str]
+    asking: dict[str, str]
+    to: dict[str, str]
+    source: dict[str, str]
+    beside: dict[str, str]
+    cannot: tuple[Impossible, ...]
     heard: dict[str, dict[str, str]]
     spelled: dict[str, str]
     joining: dict[str, str]
     time: dict[str, TimeRow]
     number: dict[str, dict[str, float]]
+    counted: dict[str, dict[str, int]]
+    hour: dict[str, dict[str, int]]
+    half: dict[str, dict[str, str]]
     unit: dict[str, dict[str, float]]
     clock: dict[str, dict[str, int]]
     side: dict[str, dict[str, str]]
@@ -77,6 +98,7 @@ def phrases(text: str) -> tuple[tuple[str, ...], ...]:
 CATALOGUE = msgspec.toml.decode(
     resources.files(__package__).joinpath("catalogue.toml").read_bytes(), type=Catalogue
 )
+NEAR = {one.says: one.near for one in CATALOGUE.cannot}
 THINGS = {one.name: one for one in CATALOGUE.thing}
 TASKS = {wish.does: wish for _, wish in commands.wishes()}
 """The wishes for tasks, by rank."""

@@ -40,6 +40,39 @@ class Clause(msgspec.Struct, frozen=True, omit_defaults=True):
     unsure: str = ""
 
 
+class Mention(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A thing within a sentence. `role`: by the word before it: "to", "from", "beside" or ""."""
+
+    thing: NamedObject
+    role: str = ""
+
+
+class Part(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A part of a sentence that is not understood as a whole: the wishes for tasks, the row for a
+    question or an answer (`talk`), and the sentence of what the robot cannot do, at which its words
+    hint; and the things in it. Words of what it cannot do that stand first leave no wish.
+    """
+
+    does: tuple[str, ...] = ()
+    mentions: tuple[Mention, ...] = ()
+    talk: str = ""
+    cannot: str = ""
+
+
+class Hints(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What a sentence may be about. `parts`: those that hint at wishes for tasks, or say where
+    something is to go; `talk`, `cannot`: as of a Part; `named`: the things in other parts; `asks`:
+    it begins as a question about one; `side`: of a hand.
+    """
+
+    parts: tuple[Part, ...] = ()
+    talk: str = ""
+    cannot: str = ""
+    named: tuple[Mention, ...] = ()
+    asks: bool = False
+    side: str = ""
+
+
 class When(msgspec.Struct, frozen=True, omit_defaults=True):
     """Times at which the wishes of a sentence are wanted. `urgent`: before all else; `within_s`:
     seconds until they are done, `later_s`: until they may begin.
@@ -61,6 +94,7 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
 
     `when` they are wanted. `guessed`: words were taken for others that are written alike.
     `strange`: the first word that nobody knows. `near`: the wish whose example is most like it.
+    `hints`: what it may be about, where it is not understood without doubt.
     """
 
     language: str = "en"
@@ -70,6 +104,7 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     strange: str = ""
     near: str = ""
     when: When = When()
+    hints: Hints = Hints()
 
 
 class _Message(msgspec.Struct, frozen=True, tag=True):

@@ -19,8 +19,17 @@ from rapidfuzz.distance import OSA
 
 from companion.stop_words import fold
 from services.human_interface import patterns
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, TASKS, WISHES, phrases
-from services.human_interface.device_messages import Clause, Meaning, NamedObject
+from services.human_interface.catalogue import (
+    CATALOGUE,
+    LANGUAGES,
+    RULES,
+    TASKS,
+    THINGS,
+    WISHES,
+    phrases,
+)
+from services.human_interface.device_messages import Clause, Hints, Meaning, NamedObject
+from services.human_interface.hints import Named, hints
 from services.human_interface.times import split_time
 
 MOST_CHARACTERS = 200
@@ -36,6 +45,7 @@ SHORT, LONG = 3, 6
 # (estimate)
 ALIKE = 45.0
 MOST_ALIKE = 3  # known words that an unknown one may be (estimate)
+SURE_BY = 2  # known words more than of another language, which is not tried then (estimate)
 MOST_GUESSES = 9  # sentences that are tried for one with unknown words (estimate)
 
 LACKS = "lacks"  # how a form asks for a wish: something is left out
@@ -75,7 +85,7 @@ def _any_word(sentence: patterns.Sentence, at: int) -> patterns.Ends:
     return {at + 1: found}
 
 
-_THING = """REFERENCE|[DET] [QUALITIES] NAME [NUMBER] [WHERE]|REFERENCE NAME|
+_THING = """REFERENCE|[DET] [QUALITIES] NAME [NUMERAL] [WHERE]|REFERENCE NAME|
 [DET] [QUALITIES] STRANGE [WHERE]|DET ANY"""
 """A thing: of two readings with the same end the first one counts."""
 
@@ -102,7 +112,12 @@ class _Language:
         self._of = patterns.Patterns(texts)
         references = [(one, one.upper()) for one in ("it", "this", "other", "both")]
         sides = [(side, words[language]) for side, words in CATALOGUE.side.items()]
-        numbers = _word_that(str.isdecimal, "number", lambda word: int(word[:3]))
+        counted = {fold(word): n for word, n in CATALOGUE.counted[language].items()}
+        numbers = _word_that(
+            lambda word: word.isdecimal() or word in counted,
+            "number",
+            lambda word: counted[word] if word in counted else int(word[:3]),
+        )
         self._of.rules |= {
             "SIDE": self._one_of("side", sides),
             "NAME": self._one_of("name", names),
@@ -115,6 +130,7 @@ class _Language:
             "STRANGE": self._strange_words,
             "ANY": _any_word,
         }
+        self._of.words |= counted.keys()
         whole = self._of.part(_THING)
         self._of.rules["THING"] = lambda sentence, at: {
             end: patterns.Match(
@@ -122,6 +138,8 @@ class _Language:
             )
             for end, match in sentence.ends(whole, at).items()
         }
+        self._thing = self._of.rules["THING"]
+        self._hand = self._of.part("ONE_HAND")
         self._joining = self._of.part(CATALOGUE.joining[language])
         self._forms = [
             (row.does, how, self._of.part(text))
@@ -130,6 +148,7 @@ class _Language:
             for text in row.texts(language, how)
         ]
         self.words = frozenset(self._of.words)
+        self._by_first: dict[str, list[tuple[str, str, patterns.Part]]] = {}
 
     def _strange_words(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
         """One to three words that nobody knows."""
@@ -223,6 +242,45 @@ class _Language:
             best.insert(0, found)
         return best[0]
 
+    def named(self, words: tuple[str, ...]) -> list[Named]:
+        """Return the things in the words by known names, or called it, with where they stand."""
+        sentence, found = patterns.Sentence(words), list[Named]()
+        at = 0
+        while at < len(words):
+            ends = self._thing(sentence, at).items()
+            known = [
+                (end, thing)
+                for end, match in ends
+                for thing in match.found
+                if isinstance(thing, NamedObject)
+                and not match.strange
+                and (
+                    thing.kinds
+                    or thing.ref == "both"
+                    or (thing.ref == "it" and words[at] != "that")
+                )
+            ]
+            end, thing = max(known, key=lambda one: one[0], default=(at + 1, None))
+            if thing is not None:
+                found.append((at, end, thing))
+            at = end
+        return found
+
+    def side(self, words: tuple[str, ...]) -> str:
+        """The side of a hand that the words name; "" for none."""
+        sentence = patterns.Sentence(words)
+        ends = (sentence.ends(self._hand, at) for at in range(len(words)))
+        found = (one for of in ends for match in of.values() for one in match.found)
+        return next((one.value for one in found if isinstance(one, _Found)), "")
+
+    def _beginning(self, word: str) -> list[tuple[str, str, patterns.Part]]:
+        """The forms that may begin with a word, in the order of the catalogue."""
+        key = word if word in self.words else ""
+        if key not in self._by_first:
+            forms = [(row, row[2].first) for row in self._forms]
+            self._by_first[key] = [row for row, of in forms if of is None or key in of]
+        return self._by_first[key]
+
     def _behind_joining(self, sentence: patterns.Sentence, at: int) -> set[int]:
         """Where the next wish may begin: behind a comma, a joining word, or both."""
         comma = sentence.words[at] == ","
@@ -234,7 +292,9 @@ class _Language:
     def _clause_ends(self, sentence: patterns.Sentence, at: int) -> dict[int, tuple[int, Clause]]:
         """The ends of the wishes that begin at a word, the first one of the catalogue for each."""
         ends: dict[int, tuple[int, Clause]] = {}
-        for does, how, form in self._forms:
+        if at == len(sentence.words):
+            return ends
+        for does, how, form in self._beginning(sentence.words[at]):
             for end, (found, strange) in sentence.ends(form, at).items():
                 if end not in ends or strange < ends[end][0]:
                     ends[end] = strange, _clause(does, found, how)
@@ -274,9 +334,30 @@ def understand(sentence: str) -> Meaning:
     if len(words) > MOST_WORDS:
         return Meaning(why="long")
     words, when = split_time(words)
-    polish = not _POLISH_LETTERS.isdisjoint(sentence.lower())
-    language = max(LANGUAGES, key=lambda one: (_known(words, one), polish == (one == "pl")))
-    return replace(_read(words, language), when=when)
+    language = _language_of(words, sentence)
+    found = _read(words, language)
+    if found.guessed or not found.clauses or any(map(_unclear, found.clauses)):
+        found = replace(found, hints=_hints(words, found.language))
+    return replace(found, when=when)
+
+
+def _language_of(words: tuple[str, ...], sentence: str) -> str:
+    """The language of most words; Polish letters decide for Polish where no English word is known
+    for each of them.
+    """
+    polish = sum(not _POLISH_LETTERS.isdisjoint(one) for one in sentence.lower().split())
+    known = {one: _known(words, one) for one in LANGUAGES}
+    return "pl" if known["pl"] + polish > known["en"] else "en"
+
+
+def _hints(words: tuple[str, ...], language: str) -> Hints:
+    """The hints in the words, else in those with the likeliest known ones for the unknown."""
+    of = _OF[language]
+    found = hints(words, language, of.named(words))
+    if found == Hints():
+        words = next(iter(_corrected(words, language)), words)
+        found = hints(words, language, of.named(words))
+    return replace(found, side=of.side(words))
 
 
 def _read(words: tuple[str, ...], language: str) -> Meaning:
@@ -286,9 +367,13 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     separators = sum(word == "," or word in _JOINING for word in _polite(words, language))
     if separators > MOST_SEPARATORS:
         return Meaning(language, why="many")
-    readings = {one: _readings(words, one) for one in sorted(LANGUAGES, key=language.__ne__)}
+    known = _known(words, language) - SURE_BY
+    likely = [one for one in LANGUAGES if one == language or _known(words, one) >= known]
+    readings = {one: _readings(words, one) for one in sorted(likely, key=language.__ne__)}
     parsed = [_OF[of].meaning(one) for of in readings for one in readings[of]]
     found = min(filter(None, parsed), key=_doubtful, default=None)
+    if found is not None and _strange(found) and found.language != language:
+        found = None
     if found is not None and not _strange(found):
         return found
     corrected = {
@@ -331,6 +416,17 @@ def _nearest(words: tuple[str, ...], language: str) -> str:
 def _doubtful(meaning: Meaning) -> tuple[bool, bool]:
     """Of two readings the one that is less so is meant: nothing is strange, nothing is left out."""
     return _strange(meaning), any(clause.lacks for clause in meaning.clauses)
+
+
+def _unclear(clause: Clause) -> bool:
+    """Whether a clause may come to nothing by itself."""
+    if clause.does not in TASKS:
+        return clause.does in ("the", "rather")
+    return any(
+        one.doubt or one.quality or not any(use in THINGS[kind].can for kind in one.kinds)
+        for one, use in zip(clause.things, TASKS[clause.does].uses, strict=False)
+        if not one.ref
+    )
 
 
 def _strange(meaning: Meaning) -> bool:

@@ -8,6 +8,7 @@ HTTP, how tasks are carried out.
 import contextlib
 import itertools
 from collections.abc import Callable, Collection, Iterator
+from typing import NamedTuple
 
 import msgspec
 from msgspec.structs import replace
@@ -16,8 +17,16 @@ from companion import commands
 from companion.commands import Offer
 from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
-from services.human_interface.catalogue import MAKE, TASKS, THINGS, say
-from services.human_interface.device_messages import Clause, Meaning, NamedObject
+from services.human_interface.catalogue import MAKE, NEAR, TASKS, THINGS, say
+from services.human_interface.device_messages import (
+    Clause,
+    Hints,
+    Meaning,
+    Mention,
+    NamedObject,
+    Part,
+    When,
+)
 from services.human_interface.grammar import LIGHT, MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
 
 MOST_EXAMPLES = 3  # in a refusal (estimate)
@@ -90,14 +99,24 @@ class _Doubt(Exception):
 
 def outcome(meaning: Meaning, context: Context) -> Outcome:
     """Return what comes of a sentence."""
+    if meaning.hints == Hints():
+        return _outcome(meaning, context)
+    return _hinted(meaning, context)
+
+
+def _outcome(meaning: Meaning, context: Context) -> Outcome:
+    """The outcome of a sentence by its clauses."""
     language = meaning.language
     clauses = _weighty(meaning.clauses)
+    if meaning.guessed:
+        clauses = tuple(dict.fromkeys(clauses))
     tasks_of = tuple(clause for clause in clauses if clause.does in MAKE)
     before = tuple(one for one in meaning.clauses if one.does == "the")
     if tasks_of and clauses != meaning.clauses:
         # names before a wish say what "it" is; one that nobody knows makes it a guess
         kinds = [one.things[0].kinds for one in before if not one.things[0].ref]
-        clear = [of[0] for of in kinds if len(of) == 1]
+        several = [kind_of(name) for name in context.seen or ()]
+        clear = [of[0] for of in kinds if len(of) == 1 and several.count(of[0]) < 2]
         context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
         meaning = replace(meaning, guessed=meaning.guessed or () in kinds)
     if tasks_of and tasks_of != clauses:  # and a question, or to cancel
@@ -250,7 +269,8 @@ def _offer(
             tasks, plain = _tasks(clauses, context, language)
         except _Doubt:
             continue
-        if tasks and not (instead and in_words(tasks, language) == before):
+        once = len(set(tasks)) == len(tasks)
+        if tasks and once and not (instead and in_words(tasks, language) == before):
             options.append(Option("", tasks, plain, instead))
     if not options:
         return Ask(say(language, "nothing_before"))
@@ -325,6 +345,8 @@ def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     if not (thing.kinds or thing.ref):
         return Ask(_not_understood(replace(meaning, why="sorry", strange=thing.said)))
     name = f"{thing.kinds[0]}_{thing.number}" if thing.number else "".join(thing.kinds[:1])
+    if name not in options and thing.number == 1:  # "the jar one"
+        name = thing.kinds[0]
     plain = (
         not (thing.quality or thing.ref or thing.doubt or meaning.guessed) and len(thing.kinds) == 1
     )
@@ -368,6 +390,243 @@ def _nearest(does: str, language: str) -> str:
         return say(language, "nearest", TASKS[does].example[language])
     some = [row.phrases.wish[0].example[language] for row in commands.rows()][:MOST_EXAMPLES]
     return say(language, "some", ", ".join(map(repr, some)))
+
+
+# --- hints ----------------------------------------------------------------------------------------
+
+MOST_OFFERED = 4  # wishes in a question (estimate)
+_VERB, _NAMED, _NEAR, _SURE = 4, 2, 3, 7
+"""Weights of a word that hints at a wish and of a thing that is named; how much less than the best
+wish one is offered still; from which sum on a wish is meant rather than what cannot be done
+(estimates).
+"""
+
+
+class _Offer(NamedTuple):
+    """Wishes that may be meant, and how well they fit the words."""
+
+    fits: int
+    clauses: tuple[Clause, ...]
+
+
+def _hinted(meaning: Meaning, context: Context) -> Outcome:
+    """The outcome of a sentence that is not understood without doubt: a question with the wishes
+    at which it hints, an answer, or a refusal with the reason.
+    """
+    language, of = meaning.language, meaning.hints
+    plain = replace(meaning, hints=Hints())
+    read = _outcome(plain, context)
+    asked = isinstance(read, Ask) and bool(read.options or read.sentences)
+    unsure = any(clause.unsure for clause in meaning.clauses)
+    if isinstance(read, Act) or (asked and (unsure or _of_before(meaning, context))):
+        return read
+    wishes = any(clause.does in TASKS for clause in meaning.clauses)
+    talk = of.talk or ("see" if of.asks and not wishes else "")
+    if talk and not (asked and not meaning.guessed):
+        return _without_task(replace(plain, clauses=(Clause(talk),), guessed=True), context)
+    fits, options = _offered_wishes(of, context, language)
+    no_goal = _no_goal(of, language)
+    why = say(language, of.cannot) if of.cannot else ""
+    able = any(
+        (one.does or not one.cannot) and any(it.thing.kinds for it in one.mentions)
+        for one in of.parts
+    )
+    things = [thing for clause in meaning.clauses for thing in clause.things]
+    wished = all(clause.does in TASKS for clause in meaning.clauses)
+    plain_read = wished and not meaning.guessed and all(one.kinds for one in things)
+    if asked and able and plain_read:
+        return read
+    if (of.cannot and not able) or (no_goal and fits < _SURE):
+        nearest_wish = TASKS.get(NEAR.get(of.cannot, ""))
+        near = nearest_wish.example[language] if nearest_wish else ""
+        one = next((one for one in options if len(one.tasks) == 1), None)
+        near = in_words(one.tasks, language) if one else near
+        nearest = say(language, "nearest", near) if near else _nearest("", language)
+        return Ask(f"{why or no_goal} {nearest}")
+    if asked and wishes:
+        options = _beside_read(read, options, of, named=not any(one.ref for one in things))
+    elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
+        options = []
+    if not options:
+        lacking = _lacking(of)
+        if not lacking or asked or not isinstance(read, Ask):
+            return read
+        return _complete(replace(plain, clauses=(lacking,)), context, lacking)
+    if meaning.when != When():
+        options = options[:1]  # an answer of yes keeps the time that was said, a sentence does not
+    if len(options) == 1:
+        return Ask(f"{why} {_mean(options[0].tasks, language)}".strip(), tuple(options))
+    which = _ask_which([in_words(one.tasks, language) for one in options], language)
+    return replace(which, text=f"{why} {which.text}".strip())
+
+
+def _of_before(meaning: Meaning, context: Context) -> bool:
+    """Whether a sentence is read as what changes the last wish, or answers a question."""
+    does = {clause.does for clause in meaning.clauses} - {"greet", "yes", "no"}
+    return bool(context.last or context.options) and does <= {"the", "rather"}
+
+
+def _beside_read(
+    read: Outcome, options: list[Option], hints: Hints, *, named: bool
+) -> list[Option]:
+    """The wishes that are offered where the grammar read some in a part of the sentence: none where
+    it read all of them. `named`: it read no "it" or "that" as a thing.
+    """
+    ones = read.options if isinstance(read, Ask) else ()
+    mentions = (of for part in hints.parts for of in part.mentions if of.role in ("", "to"))
+    kinds = {of.thing.kinds[0] for of in mentions if len(of.thing.kinds) == 1}
+    whole = all(
+        kinds <= {kind_of(name) for task in one.tasks for name in task.task.arguments if name}
+        for one in ones
+    )
+    if not ones or (whole and (named or not options)):
+        return []
+    told = [one.tasks for one in options]
+    if told == [one.tasks for one in ones]:  # the grammar's question says what is not clear
+        return []
+    if len(ones) > 1 or ones[0].tasks in told:
+        return options
+    return [*options[: MOST_OFFERED - 1], *ones]
+
+
+def _lacking(hints: Hints) -> Clause | None:
+    """The wish of which only one verb was said."""
+    hinted = {part.does for part in hints.parts if len(part.does) == 1 and not part.mentions}
+    does = next((one for one, wish in TASKS.items() if (one,) in hinted and wish.lacking), None)
+    return Clause(does, lacks=True) if does else None
+
+
+def _no_goal(hints: Hints, language: str) -> str:
+    """The sentence on something that nothing can be put into; "" where there is none."""
+    for part in hints.parts:
+        goals = [one.thing for one in part.mentions if one.role == "to"]
+        things = [one.thing for one in part.mentions if one.role == "" and one.thing.kinds]
+        fits = any(_good_for("pour", one) for one in things) or not things
+        if any(_good_for("put", one) or (fits and _good_for("pour", one)) for one in goals):
+            continue
+        kind = next((kind for one in goals for kind in one.kinds), "")
+        if kind and things:
+            return say(language, "cannot_put", noun(kind, language, 2))
+    return ""
+
+
+def _offered_wishes(hints: Hints, context: Context, language: str) -> tuple[int, list[Option]]:
+    """The wishes at which a sentence hints, the likeliest first, and how well that one fits."""
+    found, firsts = list[_Offer](), list[_Offer]()
+    elsewhere, verbs = hints.named, tuple[str, ...]()
+    for part in hints.parts or (Part(mentions=hints.named),):
+        verbs = part.does or verbs
+        whole = replace(part, does=verbs)
+        handed = (_with_hand(one, hints.side) for one in _offers(whole, elsewhere, context))
+        offers = sorted(handed, key=lambda one: -one.fits)
+        found += offers
+        firsts += [one for one in offers[:1] if one.fits > _VERB and part.does]
+        elsewhere += part.mentions
+    found.sort(key=lambda one: -one.fits)
+    if len(firsts) > 1:
+        together = tuple(clause for one in firsts for clause in one.clauses)
+        found.insert(0, _Offer(found[0].fits, together[:MOST_WISHES]))
+    fits, options = 0, dict[str, Option]()
+    for one in found:
+        for tasks, plain in _made_clear(one.clauses, context, language):
+            fits = fits or one.fits
+            once = len(set(tasks)) == len(tasks)
+            if once and one.fits >= fits - _NEAR and len(options) < MOST_OFFERED:
+                options.setdefault(in_words(tasks, language), Option("", tasks, plain))
+    return fits, list(options.values())
+
+
+def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Iterator[_Offer]:
+    """Yield the wishes that a part of a sentence may mean, with the things that it names; where a
+    wish wants more of them, with those that are known.
+    """
+    kept = [one for one in part.mentions if one.role != "except"]
+    left_out = [kind for one in part.mentions if one not in kept for kind in one.thing.kinds]
+    goals = [one.thing for one in kept if one.role == "to"]
+    things = [one.thing for one in kept if one.role != "to" and one.thing.kinds]
+    if not any(_good_for("take", one) for one in things):
+        things += [
+            one.thing for one in elsewhere if one.thing.kinds and _good_for("take", one.thing)
+        ][-1:]
+    things = things or [one.thing for one in kept if one.thing.ref and one.role != "to"]
+    if not things and len(goals) > 1:  # "what is in the jar into the bowl"
+        things, goals = goals[:1], goals[1:]
+    known = [_object(name) for name in _candidates(context) if kind_of(name) not in left_out]
+    for does, wish in TASKS.items():
+        verb = _VERB if does in part.does else 0
+        if wish.offer is Offer.ALONE or not wish.uses:
+            yield from [_Offer(verb + _NAMED, (Clause(does),))] if verb else ()
+            continue
+        firsts = [one for one in things if _good_for(wish.uses[0], one)]
+        many = [one for one in firsts if one.doubt == "many" or one.ref == "both"]
+        each = [one for one in known if any(_is_one_of(one, it) for it in many)]
+        firsts = each or firsts
+        if len(wish.uses) == 1:
+            score = verb + _NAMED - bool(goals)
+            if (verb or (each and not wish.held)) and 1 < len(firsts) <= MOST_WISHES:
+                yield _Offer(score, tuple(Clause(does, (one,)) for one in firsts))
+            for one in firsts if verb or not wish.held else ():
+                yield _Offer(score, (Clause(does, (one,)),))
+            continue
+        seconds = [one for one in goals if _good_for(wish.uses[1], one)]
+        if wish.uses[0] == wish.uses[1] and len(firsts) > 1 and not seconds:
+            firsts, seconds = firsts[:1], firsts[1:]
+        if not (seconds or (verb and firsts and not goals)) or (things and not firsts):
+            continue
+        fits = verb + _NAMED * (bool(firsts) + bool(seconds)) - (not (firsts and seconds))
+        if 1 < len(firsts) <= MOST_WISHES and seconds:
+            together = tuple(Clause(does, (one, seconds[0])) for one in firsts)
+            yield _Offer(fits + _NAMED, together)
+        firsts = firsts or [one for one in known if _good_for(wish.uses[0], one)]
+        seconds = seconds or [one for one in known if _good_for(wish.uses[1], one)]
+        for pair in itertools.product(firsts, seconds):
+            yield _Offer(fits, (Clause(does, pair),))
+
+
+def _with_hand(offer: _Offer, side: str) -> _Offer:
+    """The wishes with a hand where one of them can have it, which fits better then."""
+    clauses = [
+        replace(one, side=side) if side and TASKS[one.does].sided else one for one in offer.clauses
+    ]
+    return _Offer(offer.fits + (tuple(clauses) != offer.clauses), tuple(clauses))
+
+
+def _is_one_of(thing: NamedObject, many: NamedObject) -> bool:
+    """Whether a thing that is known is one of those that a plural means."""
+    movable = any("take" in THINGS[kind].can for kind in thing.kinds)
+    return movable and (not many.kinds or bool({*thing.kinds} & {*many.kinds}))
+
+
+def _good_for(use: str, thing: NamedObject) -> bool:
+    """Whether a thing may be good for a use, as far as its name tells."""
+    kinds = [THINGS[kind] for kind in thing.kinds]
+    return any(use in kind.can for kind in kinds) or (bool(thing.ref) and use == "take")
+
+
+def _made_clear(
+    clauses: tuple[Clause, ...], context: Context, language: str
+) -> Iterator[tuple[tuple[AnyCommand, ...], tuple[Clause, ...]]]:
+    """Yield the tasks of wishes; where a thing is not clear, with each that it could be."""
+    try:
+        yield _tasks(clauses, context, language)
+    except _Doubt as doubt:
+        if doubt.thing.ref == "it":
+            return
+        known = {kind_of(name) for name in _candidates(context)}
+        for name in [one for one in doubt.names if kind_of(one) in known] or doubt.names:
+            clear = _with_thing(clauses, doubt.thing, _object(name))
+            with contextlib.suppress(_Doubt):
+                yield _tasks(clear, context, language)
+
+
+def _with_thing(
+    clauses: tuple[Clause, ...], unclear: NamedObject, thing: NamedObject
+) -> tuple[Clause, ...]:
+    """The wishes with a thing that is known in place of one that is not clear."""
+    return tuple(
+        replace(one, things=tuple(thing if it is unclear else it for it in one.things))
+        for one in clauses
+    )
 
 
 # --- things ---------------------------------------------------------------------------------------
@@ -434,7 +693,7 @@ def _resolved_object(
     """
     fit = tuple(one.name for one in THINGS.values() if use in one.can)
     if thing.ref:
-        return _referred(thing, mentioned, fit, language)
+        return _referred(thing, use, mentioned, fit, language)
     if not thing.kinds:
         raise _Doubt(thing, say(language, "unknown", thing.said), fit)
     possible = tuple(kind for kind in thing.kinds if kind in fit)
@@ -460,7 +719,7 @@ def _resolved_object(
 
 
 def _referred(
-    thing: NamedObject, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str
+    thing: NamedObject, use: str, mentioned: tuple[str, ...], fit: tuple[str, ...], language: str
 ) -> str:
     """The thing that a word such as "it" stands for."""
     if thing.ref == "both":
@@ -470,6 +729,8 @@ def _referred(
     at = 0 if thing.ref == "it" else 1
     meant = thing.kinds or fit
     known = tuple(name for name in mentioned if kind_of(name) in fit and kind_of(name) in meant)
+    if use == "put" and mentioned and kind_of(mentioned[0]) not in fit:
+        known = ()  # "put the box on the table and the bowl on it": on the box
     if len(known) <= at:
         raise _Doubt(thing, say(language, "name_it", thing.said), thing.kinds or fit)
     return known[at]
@@ -479,15 +740,11 @@ def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
     """The question, with an option for each thing that would make the sentence clear."""
     language, options = meaning.language, []
     for name in doubt.names:
-        known = _object(name)
-        clauses = tuple(
-            replace(one, things=tuple(known if it is doubt.thing else it for it in one.things))
-            for one in meaning.clauses
-        )
-        try:
-            options.append(Option(name, *_tasks(clauses, context, language)))
-        except _Doubt:
-            continue
+        clauses = _with_thing(meaning.clauses, doubt.thing, _object(name))
+        with contextlib.suppress(_Doubt):
+            tasks, plain = _tasks(clauses, context, language)
+            if len(set(tasks)) == len(tasks):
+                options.append(Option(name, tasks, plain))
     return _which(doubt.text, options, language)
 
 

@@ -27,6 +27,7 @@ class Match(NamedTuple):
 
 Ends = Mapping[int, Match]
 """The ends of a pattern's matches (index of the word behind), each with its best match."""
+NOWHERE: Ends = {}
 Rule = Callable[["Sentence", int], Ends]
 """A rule made by code: matches from a word on."""
 
@@ -127,23 +128,22 @@ class Sentence:
 
     def __init__(self, words: tuple[str, ...]) -> None:
         self.words = words
-        self._ends: dict[tuple[int, int], Ends] = {}
+        self._next = (*words, None)
+        self._ends: list[dict[Part, Ends]] = [{} for _ in self._next]
 
     def ends(self, part: Part, at: int) -> Ends:
         """Return the ends of a part's matches from this word on."""
-        if not part.empty and part.first is not None and self._word(at) not in part.first:
-            return {}
-        key = (id(part), at)
-        if key not in self._ends:
-            self._ends[key] = part.ends(self, at)
-        return self._ends[key]
+        first = part.first
+        if first is not None and self._next[at] not in first and not part.empty:
+            return NOWHERE
+        known = self._ends[at]
+        if part not in known:
+            known[part] = part.ends(self, at)
+        return known[part]
 
     def said(self, at: int, end: int) -> str:
         """Return the words from one to before another."""
         return " ".join(self.words[at:end])
-
-    def _word(self, at: int) -> str | None:
-        return self.words[at] if at < len(self.words) else None
 
 
 class Patterns:

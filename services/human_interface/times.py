@@ -36,10 +36,12 @@ def _expression(text: str, language: str) -> re.Pattern[str]:
     hour = rf"\d{{1,2}}|{numbers}"
     spoken = (
         rf"half past (?:{hour})|quarter (?:past|to) (?:{hour})|(?:{hour}) o clock|godziny"
-        rf" (?:{hour})"
+        rf" (?:{hour})|{_choice([*CATALOGUE.hour[language], '-'])}"
     )
+    half = rf"(?: (?:[ap]m|{_choice(CATALOGUE.half[language])}))?"
     clock = (
-        rf"\d{{1,2}}:\d\d(?: [ap]m)?|\d{{1,2}} ?[ap]m|{spoken}|{_choice(CATALOGUE.clock[language])}"
+        rf"\d{{1,2}}:\d\d{half}|\d{{1,2}} ?[ap]m|(?:{spoken}){half}"
+        rf"|{_choice(CATALOGUE.clock[language])}"
     )
     text = text.replace("\n", "").replace("CLOCK", f"({clock})")
     part = re.sub(r"\((?!\?)", "(?:", _part(language))
@@ -107,16 +109,32 @@ def _clocks(said: str, language: str) -> tuple[int, ...]:
     """The times of day that are meant, in minutes."""
     if said in CATALOGUE.clock[language]:
         return (CATALOGUE.clock[language][said],)
-    if found := re.fullmatch(r"(\d+):(\d+)(?: ([ap]m))?", said):
-        if found[1].startswith("0") and not found[3] and int(found[2]) < 60:  # 03:30 is by night
+    said, half = _without_half(said, language)
+    if found := re.fullmatch(r"(\d+):(\d+)", said):
+        if found[1].startswith("0") and not half and int(found[2]) < 60:  # 03:30 is by night
             return (60 * int(found[1]) + int(found[2]),)
-        return _of_day(int(found[1]), int(found[2]), found[3] or "")
+        return _of_day(int(found[1]), int(found[2]), half)
     if found := re.fullmatch(r"(\d+) ?([ap]m)", said):
         return _of_day(int(found[1]), 0, found[2])
+    if said in CATALOGUE.hour[language]:
+        return _of_day(CATALOGUE.hour[language][said], 0, half)
+    if said.isdecimal():
+        return _of_day(int(said), 0, half)
     plain = re.sub(r"half past |quarter past |quarter to | o clock|godziny ", "", said)
     hour = int(_number(plain, language))
     past = {"half": 30, "quarter": 15}.get(said.partition(" ")[0], 0)
-    return _of_day(hour, -past if said.startswith("quarter to") else past, "")
+    return _of_day(hour, -past if said.startswith("quarter to") else past, half)
+
+
+def _without_half(said: str, language: str) -> tuple[str, str]:
+    """A time of day without the words for its half of the day, and which one that is; "" for
+    none.
+    """
+    halves = {"am": "am", "pm": "pm"} | CATALOGUE.half[language]
+    for words, half in halves.items():
+        if said.endswith(f" {words}"):
+            return said.removesuffix(f" {words}"), half
+    return said, ""
 
 
 def _of_day(hour: int, minute: int, half: str) -> tuple[int, ...]:

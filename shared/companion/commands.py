@@ -39,8 +39,9 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     patterns with something that cannot be done so, by the sentence of [say] that says what; it is
     asked whether to do it nevertheless. `can`: its entry in the list of what is understood. `undo`:
     the wish that undoes this one with the first of its things. `first`: it is tried before those of
-    the tasks. `held`: it is offered only while the first of its things, or any without one, is in a
-    hand, or is not; None: always.
+    the tasks. `hint`: phrases, as rows of stop_words.toml are written, that hint at it in a
+    sentence that no pattern fits. `sided`: a hand can be named for it. `held`: it is offered only
+    while the first of its things, or any without one, is in a hand, or is not; None: always.
     """
 
     does: str
@@ -54,6 +55,8 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unsure: dict[str, dict[str, tuple[str, ...]]] = {}
     undo: str = ""
     first: bool = False
+    hint: dict[str, str] = {}
+    sided: bool = False
     held: bool | None = None
 
     def texts(self, language: str, how: str) -> tuple[str, ...]:

@@ -77,6 +77,7 @@ AT_ONCE_S = 1.0
 """A "no" waits so long for hi to say that it answers a question; then it stops the robot (estimate:
 hi takes ms).
 """
+MOST_PARTS = 50  # of a sentence between marks (estimate: people say fewer)
 LONGEST = 10_000  # characters that are looked through (estimate: hi takes bodies of 4096 bytes)
 
 
@@ -115,6 +116,7 @@ class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     fillers: str
     near: str
+    beside: str
     not_near: str
     harmless: tuple[Harmless, ...]
     time: Time
@@ -176,13 +178,42 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
     words = _as_in_rows(sentence)
     if any(words == _as_in_rows(one) for one in answers):
         return ""
-    table, text = _table(), _without_harmless(words)
+    table = _table()
+    few = len(words) <= 2 or len(set(words) - table.beside) == 1
+    near = (word for word in words if few and word in table.near)
+    text = f" {' '.join(words)} "
+    longer = (row for row in table.longer if row in text)
+    rest = _without_harmless(words)
+    apart = _apart(sentence, text) if rest != text else ()
+    found = (_in(rest), apart, longer, near)
+    return next((row.strip() for rows in found for row in rows), "")
+
+
+def _in(text: str) -> Iterator[str]:
+    """The rows in a text without harmless ones."""
+    table = _table()
     inner = table.leading.sub(" ", text)
-    anywhere = (row for row in table.anywhere if row in text)
-    opening = (row for row in table.opening if inner.startswith(row))
-    alone = (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
-    near = (word for word in words if len(words) <= 2 and word in table.near)
-    return next((row.strip() for rows in (anywhere, opening, alone, near) for row in rows), "")
+    yield from (row for row in table.anywhere if row in text)
+    yield from (row for row in table.opening if inner.startswith(row))
+    yield from (row for row in table.alone if row in (text, inner, table.trailing.sub(" ", inner)))
+
+
+def _apart(sentence: str, whole: str) -> Iterator[str]:
+    """The rows where no harmless one reaches over a mark: "Don't! Forget it"; with too many marks
+    those of the whole.
+    """
+    text = fold(sentence[:LONGEST])[:LONGEST]
+    parts = _MARK.split(text)
+    if len(parts) > MOST_PARTS:
+        yield from _in(whole)
+        return
+    for one in parts if len(parts) > 1 else ():
+        without = _without_harmless(_as_in_rows(one))
+        yield from (row for row in _table().anywhere if row in without)
+    parts = _END.split(text)
+    if len(parts) > 1:
+        kept = (word for one in parts for word in _without_harmless(_as_in_rows(one)).split())
+        yield from _in(f" {' '.join(kept)} ")
 
 
 def may_answer(sentence: str) -> bool:
@@ -272,6 +303,8 @@ def _without_harmless(words: list[str]) -> str:
 
 _EMOJI = "".join(sorted({sign for group in ROWS.stop for sign in group.en if not sign.isascii()}))
 _WORD = re.compile(rf"[^\W_]+|[{_EMOJI}]")
+_END = re.compile(r"[.:]+(?=\s)|[!?;\u2026]+")
+_MARK = re.compile(rf"{_END.pattern}|,(?=\s)|\s[-\u2013\u2014]+\s")
 _LOOSE = re.compile(r"(?<!\S)\w(?: \w){2,}(?!\S)")
 _ALIKE = str.maketrans("01i", "oll")
 _LONG = {
@@ -290,6 +323,8 @@ class _Table(NamedTuple):
     """Rows with a blank before them, and one behind them where they do not end otherwise.
 
     `shapes`, `stems`: the words of rows, and those that may end otherwise, by what they look like.
+    `near`: slips of stop words, `beside`: what counts for nothing beside one; `longer`: rows with a
+    harmless one in them.
     """
 
     anywhere: tuple[str, ...]
@@ -301,6 +336,8 @@ class _Table(NamedTuple):
     shapes: dict[str, str]
     stems: dict[str, str]
     near: frozenset[str]
+    beside: frozenset[str]
+    longer: tuple[str, ...]
     time: re.Pattern[str]
     leading: re.Pattern[str]
     trailing: re.Pattern[str]
@@ -325,7 +362,13 @@ def _table() -> _Table:
         rf" (?:(?:{part['before']}) {span}(?: (?:{part['behind']}))?|{span}"
         rf" (?:{part['behind']}))(?= )"
     )
-    near = {slip for row in _bounded(ROWS.near) for slip in _slips(row.strip())}
+    plain = {row.strip() for row in _bounded(ROWS.near)}
+    near = {slip for word in plain for slip in _slips(word)}
+    beside = {word for row in _bounded(f"{ROWS.fillers}, {ROWS.beside}") for word in row.split()}
+    near |= {
+        _once(one) for word in plain for of in {*beside, *plain} for one in (word + of, of + word)
+    }
+    harmless = _rows(*ROWS.harmless)
     return _Table(
         anywhere=at["anywhere"],
         opening=at["opening"],
@@ -337,10 +380,12 @@ def _table() -> _Table:
             for language in LANGUAGES
             for row in _bounded(getattr(one, language))
         },
-        harmless=_rows(*ROWS.harmless),
+        harmless=harmless,
         shapes={_shape(word): word for row in stops for word in row.split()},
         stems={_shape(row.split()[-1]): row.split()[-1] for row in stops if not row.endswith(" ")},
         near=frozenset(near) - {row.strip() for row in _bounded(ROWS.not_near)},
+        beside=frozenset(beside),
+        longer=tuple(row for row in at["anywhere"] if any(one in row for one in harmless)),
         time=re.compile(time),
         leading=re.compile(rf"^ (?:(?:{fillers}) )+"),
         trailing=re.compile(rf" (?:(?:{fillers}) )+$"),

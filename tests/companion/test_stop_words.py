@@ -53,6 +53,15 @@ rozlałeś mleko|pali się!|dzwoń po karetkę|krew mi leci|nie mogę oddychać|
 upuściłaś słoik|boję się
 st0p|ha1t|b1eeding|HE1P|fa11ing|h e l p|s t 0 p|stop_it|ѕтор|ＳＴＯＰ|s\u200btop|ﬁre
 🛑|✋🏽|🖐️ velma|🆘
+Don't! Forget it!|do not - forget it - stop|Don't, forget it.|I can't! Wait!|Nie! Przestawaj!
+NO! dobra
+nie spiesz się tak|nie ma mowy|leave off!|for the children's sake|I don't have it, stop
+don't forget to stop
+Enough! About me
+stob it|stob it stob it|sotp please robot|stopit|stopnow|pleasestop|stopstop|stawp it right now
+stój stój!
+swtop that|my hand is caught|when I say stop I mean it|stop by the table
+I want that to stop, never mind
 """
 NO_STOPS = """
 take the jar|pour the content of the jar into the bowl|put down the jar|put the jar on the table
@@ -76,6 +85,17 @@ za moment weź słoik
 w ciągu minuty weź słoik|what can you do|what can I say?|how can you help me?|co umiesz
 w czym możesz mi pomóc?|let go of the jar|drop it|take the one in front of me|hi-1-10
 take jar 10|put it on table 1|open the jam jar
+no rush, take the jar|don't forget the lid|I can't wait to see it|never forget the jar
+kind enough to take it
+I can't stop coughing|keep pouring until I say stop|the bus stop|don't stop on my account|mind you
+he used to say halt who goes there|enough about me|so the flies don't get in|fair enough
+that's terrific
+keep it stable|hold on to the jar|I don't usually eat|a bowl for the kids
+the doctor said I should eat
+nie spiesz się|nie zapomnij o misce|nie przestawaj|nie ma pośpiechu|nie mogę się doczekać
+nie bój się
+nie mam siły|nie ma słoika na stole|nie mogę znaleźć miski|strasznie mi miło|swop hands velma
+the top|gdzie stoi słoik
 """
 
 
@@ -207,6 +227,36 @@ def test_every_whole_sentence_stops_between_fillers(row, data, before, after):
     assert stop_words(sentence), sentence
 
 
+IDIOMS = sorted({form for one in ROWS.harmless for form in forms(f"{one.en},{one.pl}")})
+BEHIND = [row.removesuffix("*") for row in ROWS_OF["anywhere"]]
+
+
+@settings(max_examples=400, deadline=None)
+@given(
+    idiom=st.sampled_from(IDIOMS),
+    row=st.sampled_from(BEHIND),
+    mark=st.sampled_from([". ", "! ", ", ", "; ", " - ", "? "]),
+    first=st.booleans(),
+)
+def test_what_is_said_beside_an_idiom_stops(idiom, row, mark, first):
+    """Behind it or before it: an idiom takes nothing with it but its own words."""
+    sentence = f"{idiom}{mark}{row}" if first else f"{row}{mark}{idiom}"
+    assert stop_words(sentence), sentence
+
+
+def test_a_mark_within_an_idiom_ends_it():
+    """\"Don't! Forget it\": what stands before the mark stops as if nothing followed."""
+    ways = [
+        f"{' '.join(words[:at])}{mark}{' '.join(words[at:])}"
+        for words in map(str.split, IDIOMS)
+        for at in range(1, len(words))
+        for mark in ("! ", ". ", ", ", " - ")
+        if stop_words(f"x {' '.join(words[:at])} x")
+    ]
+    assert len(ways) > 100
+    assert [one for one in ways if not stop_words(one)] == []
+
+
 def test_every_group_has_a_reason_and_no_row_is_there_twice():
     """A row that stands in two groups has two reasons, one of which is wrong."""
     assert all(one.reason.endswith(".") for one in (*ROWS.stop, *ROWS.harmless))
@@ -260,7 +310,7 @@ def test_whatever_is_said_is_looked_through(sentence):
 LONG = ("a" * 10**6, "no " * 10**6, "do not " * 10**6, "ﷺ" * LONGEST, "x" * LONGEST + " stop",
         "a b " * LONGEST,
         "in one minute " * LONGEST, "please " * LONGEST, "st0p1 " * LONGEST,
-        "( " * LONGEST)  # fmt: skip
+        "( " * LONGEST, "never mind! " * LONGEST, "in a second. a, " * 49)  # fmt: skip
 
 
 def test_the_longest_sentence_takes_no_time():
