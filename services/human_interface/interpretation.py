@@ -118,7 +118,12 @@ def _outcome(meaning: Meaning, context: Context) -> Outcome:
         several = [kind_of(name) for name in context.seen or ()]
         clear = [of[0] for of in kinds if len(of) == 1 and several.count(of[0]) < 2]
         context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
-        meaning = replace(meaning, guessed=meaning.guessed or () in kinds)
+        # one behind a wish that is about no thing makes it a guess, too
+        lone = any(
+            one.does in MAKE and not one.things and behind.does == "the"
+            for one, behind in itertools.pairwise(meaning.clauses)
+        )
+        meaning = replace(meaning, guessed=meaning.guessed or () in kinds or lone)
     if tasks_of and tasks_of != clauses:  # and a question, or to cancel
         meaning, clauses = replace(meaning, guessed=True), tasks_of
     meaning = replace(meaning, clauses=clauses)
@@ -151,7 +156,12 @@ def _weighty(clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
     for clause in clauses:
         if clause.does not in LIGHT:
             wishes.append(clause)
-        elif wishes and clause.does == "the" and clause.things[0].kinds not in named:
+        elif (
+            wishes
+            and wishes[-1].things
+            and clause.does == "the"
+            and clause.things[0].kinds not in named
+        ):
             things = (*clause.things, *wishes[-1].things[1:])
             wishes.append(replace(wishes[-1], things=things, side=clause.side))
     names = tuple(one for one in clauses if one.does == "the")

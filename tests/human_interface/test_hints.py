@@ -3,8 +3,9 @@ and never done.
 """
 
 import re
+from pathlib import Path
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from companion.stop_words import forms, stop_words
@@ -50,6 +51,30 @@ def offered(found):
     return [one.tasks for one in found.options] + [
         one.tasks for one in acts if isinstance(one, Act)
     ]
+
+
+TABLE = Path(__file__).parent / "sentences/everyday.tsv"
+ROWS = [line.split("\t")[2] for line in TABLE.read_text().splitlines() if line[0] != "#"]
+
+
+@FEW
+@example(["Sprzątnij wszystko ze stołu", "zaraz goście przyjdą"], ", ")
+@example(["clear the table", "the jar"], ", ")
+@given(
+    st.lists(st.sampled_from(ROWS), min_size=1, max_size=3),
+    st.sampled_from((", ", " and ", " a ", ". ", " bo ")),
+)
+def test_whatever_is_said_in_a_row_has_an_outcome(parts, between):
+    """With nothing seen yet, and after a look around."""
+    for context in (Context(), SEEN):
+        assert said(between.join(parts), context)
+
+
+def test_a_name_behind_a_wish_without_things_is_asked_about():
+    """Only one of both can be meant."""
+    assert isinstance(said("clear the table"), Act)
+    for more in ("the jar", "xyz", "and the bowl"):
+        assert isinstance(said(f"clear the table, {more}"), Ask), more
 
 
 @FEW

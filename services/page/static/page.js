@@ -128,17 +128,17 @@ function inTime(unix) {
   return `${text} (${clock(unix)})`;
 }
 
-const ahead = (unix) => unix > Date.now() / 1000;
+const isAhead = (unix) => unix > Date.now() / 1000;
 
 function times() {
   const active = shown.active;
-  const left = active && ahead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
+  const left = active && isAhead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
   set("left", left);
   const step = active && shown.step && !shown.held ? shown.step : "";
   set("bar", [shown.now, step, left, active ? "" : shown.told.last].filter(Boolean).map((text) => text.replace(/\.$/, "")).join(" · "));
   for (const place of document.querySelectorAll("[data-begins]")) {
     const begins = Number(place.dataset.begins);
-    place.textContent = ahead(begins) ? fill(words.begins, inTime(begins)) : "";
+    place.textContent = isAhead(begins) ? fill(words.begins, inTime(begins)) : "";
   }
 }
 
