@@ -320,7 +320,7 @@ def test_who_reads_of_two_tasks_knows_which_one_is_meant():
     place = (fact(Kind.TASKS_BEFORE, 1, first),)
     text = "tasks that come before it: 1: look around: it is more urgent"
     assert sentences.operator(place) == text
-    text = "Before this one: 1 task. Another task comes first. It is more urgent."
+    text = "Before this one: 1 task. First comes: look around. It is more urgent."
     assert sentences.person(place, "en") == text
 
 
