@@ -81,7 +81,7 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
     for url in ("/?language=pl", "/?language=en"):
         one.goto(one.url.split("/?")[0].rstrip("/") + url)
         one.locator(".thing button").nth(9).wait_for()
-        for says in one.locator(".thing button, #alone button").all_text_contents():
+        for says in one.locator("#alone button, .thing button").all_text_contents():
             before = len(house.asked)
             wait_for(lambda says=says: _pressed(one, says) != TOO_OFTEN, says)
             wait_for(lambda before=before: len(house.asked) > before, says)
@@ -93,7 +93,7 @@ def test_every_button_is_understood_as_it_is_written(house, opened):
         [row.content.__name__ for row, wish in wishes() if wish.offer is offer and not wish.held]
         for offer in (Offer.THINGS, Offer.ALONE)
     )
-    assert names == [*about_a_thing * 2, *alone] * 2
+    assert names == [*alone, *about_a_thing * 2] * 2
 
 
 def test_times_of_day_are_those_of_the_browser(house, opened):
@@ -277,7 +277,7 @@ def test_the_time_left_is_said(house, opened):
     house.running("hi-1-1", rest=300.0)
     for name in ("#left", "#bar"):
         expect(one.locator(name)).to_contain_text("About 5 minutes left, until about ")
-    expect(one.locator("#bar")).to_contain_text("Take the jar. Step 1 of 3")
+    expect(one.locator("#bar")).to_contain_text("Take the jar · Step 1 of 3")
     expect(one.locator("#queue [data-begins]")).to_contain_text("Begins in 5 minutes (")
 
 

@@ -256,7 +256,8 @@ def test_of_many_streams_that_begin_at_once_the_oldest_end():
         streams = Streams()
         begun = [streams.listen("en") for _ in range(MOST_STREAMS + 6)]
         for one in begun:
-            await anext(one)
+            await anext(one)  # when to try again
+            await anext(one)  # the page's clock
         streams.tell("en", "view", b"{}")
         return [await anext(one) for one in begun]
 
