@@ -77,6 +77,7 @@ STACKS_S = 1.0
 """Longest wait for the stacks of a process; estimate: they are written by a signal handler, within
 milliseconds.
 """
+LEFT_S = 5.0  # for the end of a test whose stacks were kept meanwhile (estimate)
 LINES = 30
 """Of a first failure that are printed; estimate: the assertion and where it stands."""
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -249,7 +250,10 @@ def pytest_runtest_makereport(item: pytest.Item) -> Iterator[None]:
     """Say where it is kept, and have no reason of a skip in another form."""
     report: pytest.TestReport = (yield).get_result()  # type: ignore[misc]
     if report.failed:
+        left, _ = signal.setitimer(signal.ITIMER_REAL, 0.0)  # in a hook, its end would end pytest
         Failing.keep()
+        if left:
+            signal.setitimer(signal.ITIMER_REAL, max(left, LEFT_S))
     if report.failed and Failing.told:
         report.sections.append(("kept", Failing.told))
     if report.skipped and not hasattr(report, "wasxfail") and not NEEDS.search(reason(report)):

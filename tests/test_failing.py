@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 CASES = '''
-import os, subprocess, sys, time
+import os, signal, subprocess, sys, time
 import pytest
 
 CHILD = """
@@ -45,6 +45,13 @@ def test_hangs(child):
 @pytest.mark.process
 def test_waits_in_vain(child):
     subprocess.run([sys.executable, "-c", CHILD.replace("stands_here", "is_waited_for")], timeout=2)
+
+@pytest.mark.process
+@pytest.mark.timeout(1)
+def test_fails_late(child):
+    os.kill(child.pid, signal.SIGSTOP)  # its stacks are waited for longer than the test may take
+    time.sleep(0.5)
+    assert False
 
 @pytest.mark.process
 def test_passes(child):
@@ -80,10 +87,11 @@ def test_of_a_failing_test_stacks_and_run_folder_are_kept(
     done = subprocess.run(
         command, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=50
     )
-    assert "2 failed, 1 passed, 3 skipped, 1 error" in done.stdout, done.stdout + done.stderr
+    assert "3 failed, 1 passed, 3 skipped, 1 error" in done.stdout, done.stdout + done.stderr
     places = map(Path, re.findall(r"were: (\S+)", done.stdout))
     folders = {place.name.rpartition("-")[2]: place for place in places}
-    assert folders.keys() == {"test_hangs", "test_waits_in_vain"}
+    assert folders.keys() == {"test_hangs", "test_waits_in_vain", "test_fails_late"}
+    del folders["test_fails_late"]
     for name, folder in folders.items():
         stacks = (folder / "stacks.txt").read_text()
         assert "in stands_here" in stacks
