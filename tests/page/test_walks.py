@@ -108,7 +108,8 @@ def one_thing_earlier(house, one, by):
 
 def stop_and_go_on(house, one, by):
     by.stop()
-    wait_for(lambda: house.held, "the robot is stopped")
+    expect(one.locator("#release")).to_be_visible()
+    assert house.held
     by.press("Let Velma move again")
     wait_for(lambda: not house.held, "the robot may move")
 

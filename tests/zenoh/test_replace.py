@@ -46,13 +46,13 @@ def test_an_agent_says_again_what_it_said() -> None:
 
 
 def test_what_another_version_says_is_told() -> None:
-    """ta says again what it said up to the end of the pour: that one was not weighed, so that ta
-    felt nothing.
-    """
+    """The ta of the recording told nothing of its hands."""
     done = replaced(POUR, "ta", 1)
     assert done.difference is not None
-    assert (done.lines, done.spoken) == (111, 105)
-    assert (done.difference.recorded, done.receiver) == ("FeltContent", "km")
+    assert (done.lines, done.receiver) == (111, "co")
+    different = done.difference
+    assert (different.line, different.field) == (15, "content.hands")
+    assert (different.recorded, different.now) == (None, {})
 
 
 def test_it_is_said_where_the_words_first_differ(tmp_path: Path) -> None:
