@@ -41,6 +41,7 @@ def _taken(browser: Browser, door: str, out: Path) -> list[Path]:
     page.locator("#left:not([hidden])").wait_for()
     page.locator("#answer").evaluate("answer => answer.textContent = ''")
     files = [out / name for name in ("page.png", "page_large_letters.png", "page_phone.png")]
+    page.evaluate("scrollTo(0, 0)")
     page.screenshot(path=files[0])
     devtools = context.new_cdp_session(page)
     for px, file in ((LARGEST_PX, files[1]), (USUAL_PX, None)):

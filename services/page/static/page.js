@@ -132,7 +132,7 @@ const isAhead = (unix) => unix > Date.now() / 1000;
 
 function times() {
   const active = shown.active;
-  const left = active && isAhead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
+  const left = active && !shown.held && isAhead(active.until) ? words.left.replace("{0}", lasting(active.until)).replace("{1}", clock(active.until)) : "";
   set("left", left);
   const step = active && shown.step && !shown.held ? shown.step : "";
   set("bar", [shown.now, step, left, active ? "" : shown.told.last].filter(Boolean).map((text) => text.replace(/\.$/, "")).join(" · "));
