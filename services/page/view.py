@@ -43,8 +43,6 @@ ENDED = (TaskState.DONE, TaskState.FAILED, TaskState.CANCELLED)
 ACTIVE = (TaskState.RUNNING, TaskState.PLANNING)
 MOST_ENDED = 30
 """Tasks of the history (estimate: those of a day)."""
-SO_ALREADY = "so-already"
-"""The row of [state] for a task that had nothing to do."""
 PICTURES = tuple(Camera)
 """Names of the pictures: by the head camera, and of the robot in its room."""
 
@@ -96,13 +94,12 @@ class ThingView(msgspec.Struct, frozen=True):
 
 
 class Announcement(msgspec.Struct, frozen=True):
-    """The last thing that is said aloud; `n`: its number; `over`: it is that a task ended. `last`:
-    how the last task ended.
+    """The last thing that is said aloud; `n`: its number. `last`: how the last task ended, which is
+    the same text if that was said last.
     """
 
     n: int = 0
     text: str = ""
-    over: bool = False
     last: str = ""
 
 
@@ -202,7 +199,7 @@ def _task(line: TaskLine, language: str) -> TaskView:
         line.task,
         _says(line, language),
         line.state,
-        state(SO_ALREADY if was_so(line) else line.state, language),
+        state(Kind.SO_ALREADY if was_so(line) else line.state, language),
         say(language, "urgent") if line.urgency else "",
         "" if line.asks else _why(line, language),
         line.asks,
@@ -264,23 +261,21 @@ def _announcement(heard: Heard, language: str) -> Announcement:
     """The last event that is worth a word: of a task that it enters a state, not each step of its
     plan.
     """
-    says = {line.task: _says(line, language) for line in heard.tasks}
-    so = {line.task for line in heard.tasks if was_so(line)}
-    failed = (line for line in heard.tasks if line.state == TaskState.FAILED)
-    failures = {line.task: failure(line.why, language) for line in failed}
+    lines = {line.task: line for line in heard.tasks}
     before: dict[str, str] = {}
     told = Announcement()
     for event in heard.news:
         row, last = f"told_{event.name}", before.get(event.task)
         repeated = bool(event.task) and last in (None, event.name)
         before[event.task] = event.name
-        if row in WORDS[language] and not repeated:
-            row = "told_so" if event.name == TaskState.DONE and event.task in so else row
-            text = say(language, row, says.get(event.task, event.task))
-            if event.name == TaskState.FAILED and event.task in failures:
-                text = f"{text} {failures[event.task]}"
-            over = event.name in ENDED
-            told = Announcement(event.n, text, over, text if over else told.last)
+        if row not in WORDS[language] or repeated:
+            continue
+        line = lines.get(event.task)
+        row = "told_so" if line and event.name == TaskState.DONE and was_so(line) else row
+        text = say(language, row, _says(line, language) if line else event.task)
+        if line and event.name == line.state == TaskState.FAILED:
+            text = f"{text} {failure(line.why, language)}"
+        told = Announcement(event.n, text, text if event.name in ENDED else told.last)
     return told
 
 

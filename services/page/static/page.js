@@ -90,7 +90,7 @@ function show(view) {
   document.body.classList.toggle("is-away", !view.hi);
   if (before.told && view.told.n > before.told.n) {
     speak(view.told.text);
-    if (view.told.over) notify(view.told.text);
+    if (view.told.text === view.told.last) notify(view.told.text);
   }
   if (before.active && !view.active) answer(view.told.text);
   times();
