@@ -17,9 +17,9 @@ from operate import doing
 from operate.wording import escaped
 
 PATIENCE_S = 1.0
-"""Nobody asks what goes on before."""
+"""How long a person waits before asking what goes on (estimate)."""
 CLEARED = "\r\x1b[K"
-"""To the begin of the line, and all behind it away (ECMA-48, EL)."""
+"""Return to the start of the line and erase it (ECMA-48, EL)."""
 
 
 class Progress:
