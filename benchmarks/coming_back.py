@@ -11,7 +11,7 @@ an agent the last of its neighbours that it is gone. Appends to a results file.
         --processes router,monitor,hi,co,pl,km,ta,ex
 
 With --target the fleet is up already, in containers too, and `roco fault kill` does it and looks.
-`--table` writes the tables of docs/reliability.md.
+`--table` writes the tables of docs/results/faults.md.
 """
 
 import os
@@ -38,7 +38,7 @@ PATIENCE_S = 90.0  # estimate: km is back after 4 s on a quiet machine
 LOOK_S = 0.002
 ROCO = str(Path(sys.executable).with_name("roco"))
 RESULTS = Path(__file__).parent / "results/coming_back.jsonl"
-PAGE = Path(__file__).parents[1] / "docs/reliability.md"
+PAGE = Path(__file__).parents[1] / "docs/results/faults.md"
 BEGIN, END = (
     "<!-- coming back: python benchmarks/coming_back.py --table -->\n",
     "<!-- /coming back -->\n",
@@ -217,7 +217,7 @@ def main(
     called: Annotated[str, typer.Option(help="its name in the table")] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[
-        bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")
+        bool, typer.Option("--table", help="write the tables into docs/results/faults.md, and end")
     ] = False,
 ) -> None:
     """Kill the processes in turn, and say how long each was away."""

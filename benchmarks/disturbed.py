@@ -59,7 +59,7 @@ from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import Truth
 
 RESULTS = Path(__file__).parent / "results/disturbed.jsonl"
-PAGE = Path(__file__).parents[1] / "docs/scenes.md"
+PAGE = Path(__file__).parents[1] / "docs/results/disturbances.md"
 BEGIN, END = "<!-- disturbed: python benchmarks/disturbed.py --table -->\n", "<!-- /disturbed -->\n"
 RUN = tables.commit()
 JAR, BOWL, JAR_2, BOX, TABLE, CABINET = "jar_1", "bowl_1", "jar_2", "box_9", "table_1", "cabinet_2"
@@ -734,7 +734,7 @@ def main(
     verbose: Annotated[bool, typer.Option("--verbose", help="tell each act")] = False,
     names: Annotated[bool, typer.Option("--list", help="list the disturbances, and end")] = False,
     table: Annotated[
-        bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")
+        bool, typer.Option("--table", help="write docs/results/disturbances.md, and end")
     ] = False,
 ) -> None:
     """Run what does not stand in the results file yet."""

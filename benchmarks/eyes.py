@@ -7,7 +7,7 @@ setting; --page makes the table of all.
     python benchmarks/eyes.py --seeds 1-30
     python benchmarks/eyes.py --seeds 1-30 --blur 1
     python benchmarks/eyes.py --scene env2 --seeds 1-30
-    python benchmarks/eyes.py --page docs/eyes.md --picture docs/images/head-camera.png
+    python benchmarks/eyes.py --page docs/results/eyes.md --picture docs/images/head-camera.png
 """
 
 import math

@@ -3,7 +3,7 @@ agents is cut: each process or link, phase and fault.
 
 One run of `roco chaos` per cell (console.faults.chaos). Appends one line per cell to a results
 file and skips cells that stand there, so that it may be ended at any time and goes on. `--table`
-writes docs/reliability.md.
+writes docs/results/faults.md.
 
     python benchmarks/fault_table.py --faults kill,pause
 """
@@ -35,7 +35,7 @@ WIRELESS = ("loop", "monitor")
 directly.
 """
 RESULTS = Path(__file__).parent / "results/fault_table.jsonl"
-PAGE = Path(__file__).parents[1] / "docs/reliability.md"
+PAGE = Path(__file__).parents[1] / "docs/results/faults.md"
 BEGIN, END = "<!-- faults: python benchmarks/fault_table.py --table -->\n", "<!-- /faults -->\n"
 
 
@@ -77,7 +77,7 @@ def main(
     phases: Annotated[str, typer.Option()] = ",".join(JOB.phases),
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[
-        bool, typer.Option("--table", help="write the tables into docs/reliability.md, and end")
+        bool, typer.Option("--table", help="write the tables into docs/results/faults.md, and end")
     ] = False,
 ) -> None:
     """Run the cells that do not stand in the results file yet."""

@@ -4,7 +4,8 @@ bounded.
 The readers, the errors they may raise and how inputs are made are in tests/fuzz; CI runs a few
 thousand of them. Here each row of results/fuzz.jsonl is one seed of one reader, in a process of its
 own; rows that stand there are not run again, so it may be ended at any time and goes on. What
-crashes is kept in tests/fuzz_corpus/READER, which CI replays. `--table` writes docs/reliability.md.
+crashes is kept in tests/fuzz_corpus/READER, which CI replays. `--table` writes
+docs/results/faults.md.
 
     nice python benchmarks/fuzz.py --inputs 1000000
 """
@@ -29,7 +30,7 @@ from fuzzing import HANGS_S, Outcome, fuzz  # noqa: E402  (after the path is set
 from targets import TARGETS, Target  # noqa: E402
 
 RESULTS, CORPUS = HERE / "results/fuzz.jsonl", HERE.parent / "tests/fuzz_corpus"
-PAGE = HERE.parent / "docs/reliability.md"
+PAGE = HERE.parent / "docs/results/faults.md"
 BEGIN, END = "<!-- fuzz: python benchmarks/fuzz.py --table -->\n", "<!-- /fuzz -->\n"
 ROW = 20_000
 """Inputs of a row for a reader of weight 1: half a minute (measured at a load of 10)."""
@@ -143,7 +144,7 @@ def main(
     ] = "",
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[
-        bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")
+        bool, typer.Option("--table", help="write the table into docs/results/faults.md, and end")
     ] = False,
 ) -> None:
     """Run what does not stand in the results file yet, a row of each reader by turns."""

@@ -5,7 +5,7 @@ In memory, in virtual time, with the true behaviours; search and robot are scrip
 The agent that dies comes back from its journal 0.5 s later. Compared with the run without a death:
 km's world, where things stand, hi's last word, no act commanded or begun twice. One row of
 results/kill_boundaries.jsonl for BLOCK messages; rows that stand there are not run again. `--table`
-writes docs/reliability.md; CI runs a sample (tests/fleet/test_deaths.py).
+writes docs/results/faults.md; CI runs a sample (tests/fleet/test_deaths.py).
 
     python benchmarks/kill_boundaries.py
 """
@@ -26,7 +26,7 @@ sys.path.insert(0, str(HERE.parent / "tests/fleet"))
 
 from boundaries import VICTIMS, Ending, Side, messages, run  # noqa: E402  (after the path is set)
 
-RESULTS, PAGE = HERE / "results/kill_boundaries.jsonl", HERE.parent / "docs/reliability.md"
+RESULTS, PAGE = HERE / "results/kill_boundaries.jsonl", HERE.parent / "docs/results/faults.md"
 BEGIN, END = (
     "<!-- boundaries: python benchmarks/kill_boundaries.py --table -->\n",
     "<!-- /boundaries -->\n",
@@ -102,7 +102,7 @@ def printed(lines: list[dict[str, Any]]) -> str:
 def main(
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[
-        bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")
+        bool, typer.Option("--table", help="write the table into docs/results/faults.md, and end")
     ] = False,
 ) -> None:
     """Run what does not stand in the results file yet."""

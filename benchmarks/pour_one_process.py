@@ -57,7 +57,7 @@ SETTLING = {"swap_hands": SwapHands, "put_down": PutDown}
 POUR = hfsm.Task("pour", ("jar", "bowl"))
 RUN = tables.commit()
 Part = TypeVar("Part", Content, Noise)
-PAGE = Path(__file__).parents[1] / "docs/scenes.md"
+PAGE = Path(__file__).parents[1] / "docs/results/disturbances.md"
 BEGIN, END = "<!-- noise: python benchmarks/pour_one_process.py --table -->\n", "<!-- /noise -->\n"
 
 
@@ -280,7 +280,7 @@ def main(
     verbose: Annotated[bool, typer.Option()] = False,
     again: Annotated[bool, typer.Option(help="those of other versions once more")] = False,
     table: Annotated[
-        bool, typer.Option("--table", help="write the table into docs/scenes.md, and end")
+        bool, typer.Option("--table", help="write docs/results/disturbances.md, and end")
     ] = False,
 ) -> None:
     """Run the seeds that do not stand in the results file yet."""

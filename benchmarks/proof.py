@@ -1,8 +1,9 @@
 """Time and memory of the proof of a design: `python benchmarks/proof.py [FILE] [--faults
 0,1,2,any]`.
 
-Each verdict runs in a process of its own, so that its memory is its own. Rows are appended to
-results/proof.jsonl; a verdict that stands there for this commit and file is not worked out again.
+Each verdict runs in a process of its own, so that its memory is its own; ROCO_PLAIN=1: by the loop
+in Python. Rows are appended to results/proof.jsonl; a verdict that stands there for this commit and
+file is not worked out again.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from pathlib import Path
 
 from companion.design import FILE
 from topdown.model.design import load
+from topdown.prove.compiled import library
 from topdown.prove.verify import tasks
 
 RESULTS = Path(__file__).parent / "results" / "proof.jsonl"
@@ -69,7 +71,7 @@ def _names(file: Path, faults: str) -> list[str]:
 
 def _one(file: Path, faults: str, what: str) -> dict[str, object]:
     task = next(task for task in _tasks(file, faults) if task.what == what)
-    began = time.perf_counter()
+    began, began_cpu = time.perf_counter(), time.process_time()
     verdict = task.run(None)
     return {
         "layer": verdict.layer,
@@ -78,10 +80,16 @@ def _one(file: Path, faults: str, what: str) -> dict[str, object]:
         "states": verdict.states,
         "edges": verdict.edges,
         "seconds": round(time.perf_counter() - began, 2),
+        "cpu_s": round(time.process_time() - began_cpu, 2),
+        "loop": _loop(),
         "memory_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
         "holds": verdict.holds,
         "load": round(_load(), 1),
     }
+
+
+def _loop() -> str:
+    return "Python" if library() is None else "C"
 
 
 def _load() -> float:
@@ -96,9 +104,8 @@ def _commit() -> str:
 
 def _rows(file: str) -> list[dict]:
     lines = RESULTS.read_text().splitlines() if RESULTS.exists() else []
-    return [
-        row for row in map(json.loads, lines) if row["file"] == file and row["commit"] == _commit()
-    ]
+    now = {"file": file, "commit": _commit(), "loop": _loop()}
+    return [row for row in map(json.loads, lines) if {**row, **now} == row]
 
 
 def _known(file: str) -> set[tuple[str, str]]:
@@ -119,6 +126,7 @@ def _show(file: str) -> None:
             row["faults"],
             f"{row['states']:,}",
             f"{row['edges']:,}",
+            f"{row['cpu_s']} s CPU",
             f"{row['seconds']} s",
         )
         print(

@@ -5,7 +5,7 @@ Router with TLS and rights as `roco up` starts it, a wire each way between the a
 (operate.fault_proxy), and the agents of soak_agents.py, which are linked. The first half has the
 cuts, every fourth longer than Zenoh's lease; the second half the kills: ta and ex by turns, each
 fifth time the router. One row of results/soak.jsonl for each 1000 communicates. It may be ended at
-any time: it goes on from the journals in the run folder. `--table` writes docs/reliability.md.
+any time: it goes on from the journals in the run folder. `--table` writes docs/results/faults.md.
 
     nice python benchmarks/soak.py
 """
@@ -33,7 +33,7 @@ from operate.fault_proxy import files
 from operate.fault_proxy.files import Wires
 
 HERE = Path(__file__).resolve().parent
-RESULTS, PAGE = HERE / "results/soak.jsonl", HERE.parent / "docs/reliability.md"
+RESULTS, PAGE = HERE / "results/soak.jsonl", HERE.parent / "docs/results/faults.md"
 BEGIN, END = "<!-- soak: python benchmarks/soak.py --table -->\n", "<!-- /soak -->\n"
 EACH = 3
 """Communicates of an exchange: request, agree, inform."""
@@ -205,7 +205,7 @@ def main(
     rows: Annotated[int, typer.Option(help="end after row number")] = ROWS,
     out: Annotated[Path, typer.Option(help="results file, JSON lines")] = RESULTS,
     table: Annotated[
-        bool, typer.Option("--table", help="write the table into docs/reliability.md, and end")
+        bool, typer.Option("--table", help="write the table into docs/results/faults.md, and end")
     ] = False,
 ) -> None:
     """Run the rows that do not stand in the results file yet."""

@@ -1,5 +1,5 @@
-"""Writes docs/design/paper-contradictions.md: each contradiction of the printed design, the finding
-that names it.
+"""Writes docs/design/paper-contradictions.md: each contradiction of the printed design, and how the
+checker finds it.
 
 `python scripts/contradictions.py` writes the page; a test compares it with what this says.
 """
@@ -19,32 +19,24 @@ PRINTED = ROOT / "tests/topdown/paper_as_printed.toml"
 STATEMENTS = ROOT / "tests/topdown/paper_statements.toml"
 TABLE = ROOT / "tests/topdown/paper_contradictions.toml"
 
-HEAD = """# What the checker says of the paper's design as printed
+HEAD = """# Contradictions in the paper
 
-`tests/topdown/paper_as_printed.toml` is the design of the Robot Companion as the paper prints it,
-nothing repaired. Made by `python scripts/contradictions.py`;
-`roco design check tests/topdown/paper_as_printed.toml` says the same, but for what is stated in
-several places or counted (`tests/topdown/paper_statements.toml`), which no design file holds.
-
-How a contradiction is found: *replay* of the steps; *tables*: messages against the rows of the
-protocol they follow; *counts*: Table 8 against what the protocols allow; *statements*: two places
-that the transcription puts side by side under one `claim`, which a program compares but could not
-have found in prose.
-
-| In the text we have | How | Finding | What the checker says |
-|---|---|---|---|
+The paper's design contradicts itself in these places. `roco design check
+tests/topdown/paper_as_printed.toml` prints them with their rows. Figures and sentences are in
+[paper_statements.toml](../../tests/topdown/paper_statements.toml).
 """
 BEYOND = """
-## Not in the power of a checker of designs
+## Undecided
 
-| What | Because |
-|---|---|
-"""
-REST = """
-## What else it finds
+A checker of designs cannot decide these:
 
-Gaps of what is printed, and the same faults in a second place: {gaps}.
 """
+HEADINGS = {
+    "statements": "Two places of the paper",
+    "tables": "A message and the rows of its protocol",
+    "counts": "Table 8 and the protocols",
+    "replay": "The list of channels and the steps of the method",
+}
 HOW = {
     paper_statements.Kind.CLAIM: "statements",
     Kind.UNBALANCED: "counts",
@@ -95,23 +87,12 @@ def printed() -> tuple[Finding, ...]:
 
 def page() -> str:
     """The page's text."""
-    findings, table = printed(), known()
-    named = {one: entry.named_by(findings)[0] for one, entry in enumerate(table.contradiction)}
-    rows = [
-        f"| {entry.text} | {HOW.get(entry.kind, 'tables')} | {entry.kind} | {_cell(named[index])} |"
-        for index, entry in enumerate(table.contradiction)
-    ]
-    beyond = [f"| {entry.text} | {entry.because} |" for entry in table.beyond]
-    rest = [one for one in findings if one not in named.values()]
-    counted = {kind: sum(one.kind == kind for one in rest) for kind in Kind}
-    gaps = ", ".join(f"{count} x {kind}" for kind, count in counted.items() if count)
-    return (
-        HEAD + "\n".join(rows) + "\n" + BEYOND + "\n".join(beyond) + "\n" + REST.format(gaps=gaps)
-    )
-
-
-def _cell(finding: Finding) -> str:
-    return f"{finding.where}: {finding.wrong}".replace("|", "/")
+    table = known()
+    text = HEAD
+    for way, heading in HEADINGS.items():
+        rows = [one.text for one in table.contradiction if HOW.get(one.kind, "tables") == way]
+        text += f"\n## {heading}\n\n" + "".join(f"- {row}\n" for row in rows)
+    return text + BEYOND + "".join(f"- {one.text}: {one.because}\n" for one in table.beyond)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,8 @@
     scripts/house.py           print it
     scripts/house.py --write   put it into the page
 
-A room is a row of the import contracts (pyproject.toml) down to two words, such as services.task or
-companion.tools.
+A room of the picture is a package; services are two rooms, agents and the others. An arrow that
+follows from others is left out.
 """
 
 import sys
@@ -26,19 +26,16 @@ AGENTS = {
 """Folders of services that are agents of the design."""
 KINDS = {"any": "any design", "this": "this system", "process": "processes"}
 ROOMS = {
-    "fipa_codec": "any",
+    "agents": "process",
+    "monitor, supervisor, router, page": "process",
+    "companion": "this",
+    "velma": "this",
+    "console": "any",
+    "operate": "any",
     "agent_runtime": "any",
     "topdown": "any",
-    "operate": "any",
-    "console": "any",
-    "companion": "this",
-    "companion.planning": "this",
-    "companion.skills": "this",
-    "companion.tasks": "this",
-    "companion.tools": "this",
-    "velma": "this",
-    "agents": "process",
-    "monitor, supervisor, router": "process",
+    "fipa_codec": "any",
+    "c_library": "any",
 }
 """Room -> what it is for; in the order of the picture."""
 
@@ -46,10 +43,10 @@ ROOMS = {
 def room_of(module: str) -> str:
     """The room of the picture that a module belongs to."""
     first, _, rest = module.partition(".")
-    second = rest.partition(".")[0]
     if first == "services":
-        return "agents" if second in AGENTS else "monitor, supervisor, router"
-    return room if (room := f"{first}.{second}") in ROOMS else first
+        agent = rest.partition(".")[0] in AGENTS
+        return "agents" if agent else "monitor, supervisor, router, page"
+    return first
 
 
 def edges() -> set[tuple[str, str]]:
@@ -69,6 +66,20 @@ def edges() -> set[tuple[str, str]]:
     }
 
 
+def drawn(pairs: set[tuple[str, str]]) -> set[tuple[str, str]]:
+    """The pairs without those that follow from others. The rooms must not have a circle."""
+    above = {one: {other for first, other in pairs if first == one} for one, _ in pairs}
+
+    def reached(room: str) -> set[str]:
+        return above.get(room, set()).union(*map(reached, above.get(room, set())))
+
+    return {
+        (one, other)
+        for one, other in pairs
+        if not any(other in reached(between) for between in above[one])
+    }
+
+
 def picture() -> str:
     """The rooms as a mermaid graph; an arrow goes from the room that imports to the one that is
     imported.
@@ -79,7 +90,7 @@ def picture() -> str:
         lines.append(f'  subgraph {kind}["{title}"]')
         lines += [f'    {ids[room]}["{room}"]' for room, of in ROOMS.items() if of == kind]
         lines.append("  end")
-    lines += sorted(f"  {ids[one]} --> {ids[other]}" for one, other in edges())
+    lines += sorted(f"  {ids[one]} --> {ids[other]}" for one, other in drawn(edges()))
     return "\n".join([*lines, "```", ""])
 
 

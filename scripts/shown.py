@@ -11,8 +11,9 @@ it printed:
 
 Words of the comment: `static` (a recorded run is runs/latest) or `fleet=ORDER` (one fleet for all
 pages, blocks in this order); then `like=A,B` (see ALIKE), `has=REGEX` (compare this instead of the
-words), `exit=N` (of the last command), `first=N`, `last=N`, `only=REGEX` (lines to show),
-`columns=N` (terminal, else 100), `setup=COMMANDS` (not shown).
+words), `fields=N` (compare the first N words of each line), `exit=N` (of the last command),
+`first=N`, `last=N`, `only=REGEX` (lines to show), `columns=N` (terminal, else 100),
+`setup=COMMANDS` (not shown).
 """
 
 import os
@@ -49,7 +50,7 @@ ALIKE = {
     "pids": re.compile(r"\bpid \d+|\b\d{2,7}\b"),
     "numbers": re.compile(r"[+-]?\b\d[\d,]*(\.\d+)?(e[+-]?\d+)?"),
 }
-OPTIONS = {"like", "has", "exit", "first", "last", "only", "columns", "setup"}
+OPTIONS = {"like", "has", "fields", "exit", "first", "last", "only", "columns", "setup"}
 CHECKOUT = (
     "README.md",
     "shared",
@@ -212,11 +213,13 @@ def cut(text: str, options: dict[str, str]) -> str:
     return "\n".join(lines)
 
 
-def normal(text: str, like: str) -> str:
+def normal(text: str, like: str, fields: int | None = None) -> str:
     """A text without what may differ; where anything may, widths of columns and of lines may
-    too.
+    too. `fields`: only so many words of each line count.
     """
     text = _RUN_NAME.sub("RUN", text)
+    if fields is not None:
+        text = "\n".join(" ".join(line.split()[:fields]) for line in text.split("\n"))
     names = list(filter(None, like.split(",")))
     for name in names:
         if name in ALIKE:
@@ -235,11 +238,12 @@ def differences(block: Block, texts: list[str], wrong: str) -> list[Difference]:
     """Return the differences between the page and the output."""
     found = [Difference(block, f"{block.where}: {wrong}")] if wrong else []
     like, has = block.options.get("like", ""), block.options.get("has")
+    fields = int(block.options["fields"]) if "fields" in block.options else None
     for shown, printed in zip(block.shown, texts, strict=False):
         if has:
             same = all(re.search(has, text, re.MULTILINE) for text in (shown.text, printed))
         else:
-            same = normal(shown.text, like) == normal(printed, like)
+            same = normal(shown.text, like, fields) == normal(printed, like, fields)
         if not same:
             both = (shown.text.split("\n"), printed.split("\n"))
             lines = "\n".join(unified_diff(*both, "the page", "now", lineterm="", n=1))

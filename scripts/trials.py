@@ -111,6 +111,7 @@ class _Watch:
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """Lines are this test's from here on."""
         self.test = nodeid
+        self.trace()  # an earlier test, or a library, may have ended it
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
         """Note seconds and the first failure."""

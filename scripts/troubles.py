@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[1]
 ROOMS = (
     *map(
         "shared/{}".format,
-        ("fipa_codec", "agent_runtime", "topdown", "operate", "console", "companion"),
+        ("c_library", "fipa_codec", "agent_runtime", "topdown", "operate", "console", "companion"),
     ),
     "velma",
     "services",
@@ -95,19 +95,6 @@ def exceptions() -> dict[str, Declared]:
         if known & _bases(node):
             name = node.name if node.name not in found else f"{Path(path).stem}.{node.name}"
             found[name] = Declared(name, path, _message(node))
-    return found
-
-
-def raised() -> dict[str, list[str]]:
-    """Return the arguments with which each exception is raised, by its name: words that vary less
-    than their class's form.
-    """
-    found: dict[str, list[str]] = {}
-    for _, call in calls():
-        name = _called(call)
-        words = " ".join(filter(lambda each: each.strip("…/ "), map(_words, call.args)))
-        if words and words not in found.setdefault(name, []):
-            found[name].append(words)
     return found
 
 

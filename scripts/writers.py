@@ -1,5 +1,5 @@
-"""The table of docs/architecture.md: which functions of agent_runtime.core write which field of an
-agent's state.
+"""The table of docs/design/core-state.md: which functions of agent_runtime.core write which field
+of an agent's state.
 
     scripts/writers.py           print it
     scripts/writers.py --write   put it into the page
@@ -18,12 +18,12 @@ from marked import put
 from agent_runtime.core.state import CoreState, Soft
 
 ROOT = Path(__file__).resolve().parents[1]
-PAGE = ROOT / "docs" / "architecture.md"
+PAGE = ROOT / "docs" / "design" / "core-state.md"
 CORE = ROOT / "shared/agent_runtime/core"
 OPEN, CLOSE = "<!-- writers: made by scripts/figures -->\n", "<!-- :writers -->\n"
 CHANGES = {"append", "clear", "pop", "setdefault", "update"}
 """Methods of dict and list that change it."""
-MAKING = "nobody: it is set when the state is made"
+MAKING = "set when the state is made"
 DURABLE = tuple(name for name in CoreState.__struct_fields__ if name != "soft")
 
 
@@ -134,11 +134,10 @@ def writers() -> dict[str, list[str]]:
 
 def table() -> str:
     """The fields, each with the functions that write it."""
-    rows = [
-        f"| `{field}` | {', '.join(dict.fromkeys(by)) or MAKING} |\n"
+    return "".join(
+        f"- `{field}`: {', '.join(dict.fromkeys(by)) or MAKING}\n"
         for field, by in writers().items()
-    ]
-    return "".join(["| field | written by |\n|---|---|\n", *rows])
+    )
 
 
 def page(text: str) -> str:

@@ -71,7 +71,7 @@ if AT_START not in os.environ.get("PYTHONPATH", "").split(os.pathsep):
     )
 KEPT = Path(__file__).parents[1] / ".venv/failed-tests"
 """A folder for each test that failed while processes of it ran: its last failure."""
-NEEDS = re.compile(r"needs .+ \((Debian: apt install|as root|git clone).*\)")
+NEEDS = re.compile(r"needs .+ \((Debian: apt install|PyPI: pip install|as root|git clone).*\)")
 """What is missing, and the package, the right or the command by which it is there."""
 STACKS_S = 1.0
 """Longest wait for the stacks of a process; estimate: they are written by a signal handler, within

@@ -72,6 +72,7 @@ HEAD_LOWER = _frozen(-1.57, -1.0)
 HEAD_UPPER = _frozen(1.57, 1.3)
 HEAD_SPEED = 1.04  # rad/s
 
+FINGER_SPEED = 3.27  # rad/s, BHR
 FINGER_UPPER = 2.443389  # rad, 140 deg
 DISTAL_UPPER = 0.837733  # rad, 48 deg
 SPREAD_UPPER = 3.141593  # rad

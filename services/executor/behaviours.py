@@ -283,8 +283,7 @@ def _start(memory: Memory, turn: Turn) -> Memory:
 
 def _lost(memory: Memory, why: Facts) -> Memory:
     """Note that the outcome cannot be known; the robot only has to come to rest now."""
-    act, soft = replace(_required(memory), lost=why), replace(memory.soft, motion=None)
-    return replace(memory, act=act, soft=soft)
+    return replace(memory, act=replace(_required(memory), lost=why))
 
 
 def _heard(memory: Memory, turn: Turn) -> Any:

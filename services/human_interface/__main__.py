@@ -10,7 +10,9 @@ from agent_runtime.io import cli, shell
 from agent_runtime.io.options import USAGE_ERROR, Options
 from agent_runtime.io.run_files import listen_at
 from companion.design import AgentName, wiring
+from companion.loopback_server import RobotStop
 from services.human_interface.behaviours import agent
+from services.human_interface.guests import HiDevice
 from services.human_interface.server import HttpDevice
 
 
@@ -32,7 +34,11 @@ def serve(options: Options) -> int:
         agent(),
         wired,
         options,
-        lambda post: HttpDevice(post, options.run_dir, listen, Path(lent) if lent else None),
+        lambda post: HiDevice(
+            post,
+            HttpDevice(post, options.run_dir, listen, Path(lent) if lent else None),
+            RobotStop(options.run_dir),
+        ),
     )
 
 

@@ -41,6 +41,7 @@ from services.human_interface.device_messages import (
     Sentence,
     Shown,
     StopRobot,
+    Wanted,
 )
 from services.human_interface.interpretation import (
     Act,
@@ -71,7 +72,7 @@ NO_CO = "there is no coordinator yet; try again in a moment, and see `roco statu
 def listen(memory: Memory, turn: Turn) -> Memory:
     """State listening: note what a person says, and news of co."""
     match turn.event:
-        case Local(content=Sentence() | CancelWanted() | Halted() as word):
+        case Local(content=Sentence() | Wanted() | CancelWanted() | Halted() as word):
             return replace(memory, words=(*memory.words, word))
         case Received() as received:
             turn.unwake(received.conversation)
@@ -160,6 +161,10 @@ def interpret(memory: Memory, turn: Turn) -> Memory:
 def _answer(memory: Memory, turn: Turn, word: device_messages.Local) -> Memory:
     if isinstance(word, Halted):
         return _halted(memory, turn, word)
+    if isinstance(word, Wanted):
+        said = f"{word.guest}: {in_words((word.task,))}"
+        sentence = Sentence(word.ticket, said, held=word.held, asker=word.guest, at=word.at)
+        return _ask(memory, turn, sentence, Act((word.task,)))
     if isinstance(word, CancelWanted):
         line, memory = _cancel(memory, turn, word.task)
         problem = _nothing_to_cancel(memory, word.task)
@@ -429,7 +434,7 @@ def _shown(memory: Memory) -> Shown:
     questions = tuple(Question(one.asker, one.until, one.replies) for one in memory.asked)
     context = memory.context
     can = wishes(context, tuple((memory.hands or {}).values()))
-    return Shown(memory.tasks, memory.told, can, questions, memory.hands)
+    return Shown(memory.tasks, memory.told, can, questions, memory.hands, context.seen)
 
 
 def _reported(line: TaskLine, said: cmd.TaskReport, text: str, now: float) -> TaskLine:

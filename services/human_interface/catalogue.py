@@ -20,8 +20,7 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A row [[thing]]: words for a class of the ontology, or for several (`covers`), and what can
     be done with it.
 
-    `to`: how it is named as a place. `many`: words for several of them; `like`: words for things
-    that are like it, by language.
+    `many`: words for several of them; `like`: words for things that are like it, by language.
     """
 
     name: str
@@ -29,7 +28,6 @@ class KindOfThing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     pl: tuple[str, ...]
     can: tuple[str, ...] = ()
     covers: tuple[str, ...] = ()
-    to: dict[str, str] = {}
     many: dict[str, tuple[str, ...]] = {}
     like: dict[str, tuple[str, ...]] = {}
 
@@ -66,6 +64,10 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     turning: dict[str, str]
     denying: dict[str, str]
     once_more: dict[str, str]
+    standing: dict[str, str]
+    question: dict[str, dict[str, str]]
+    listing: dict[str, str]
+    until: dict[str, str]
     border: dict[str, str]
     excepting: dict[str, str]
     asking: dict[str, str]
@@ -79,6 +81,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     time: dict[str, TimeRow]
     number: dict[str, dict[str, float]]
     counted: dict[str, dict[str, int]]
+    ordinal: dict[str, dict[str, int]]
     hour: dict[str, dict[str, int]]
     half: dict[str, dict[str, str]]
     unit: dict[str, dict[str, float]]
@@ -103,6 +106,8 @@ THINGS = {one.name: one for one in CATALOGUE.thing}
 TASKS = {wish.does: wish for _, wish in commands.wishes()}
 """The wishes for tasks, by rank."""
 WISHES = tuple(sorted((*TASKS.values(), *CATALOGUE.wish), key=lambda wish: not wish.first))
+LIGHT = frozenset({"the", "yes", "no", "greet"})
+"""Names, assent and courtesies: with a wish beside them they count for nothing."""
 MAKE: dict[str, Make] = {wish.does: commands.maker(row, wish) for row, wish in commands.wishes()}
 RULES = {
     language: commands.table("rule", language, CATALOGUE.rule[language]) for language in LANGUAGES

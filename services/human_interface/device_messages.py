@@ -1,7 +1,8 @@
-"""Messages between hi and its HTTP device. None is a communicate, none leaves the computer."""
+"""Messages between hi and its devices. None is a communicate, none leaves the computer."""
 
 import msgspec
 
+from companion.design import AnyCommand
 from companion.languages.values import Side
 from companion.run_files import HiEvent, Question, TaskLine, Wish
 
@@ -93,13 +94,15 @@ class Meaning(msgspec.Struct, frozen=True, omit_defaults=True):
     catalogue's terms.
 
     `when` they are wanted. `guessed`: words were taken for others that are written alike.
-    `strange`: the first word that nobody knows. `near`: the wish whose example is most like it.
-    `hints`: what it may be about, where it is not understood without doubt.
+    `partly`: only parts of the sentence were read. `strange`: the first word that nobody knows.
+    `near`: the wish whose example is most like it. `hints`: what it may be about,
+    where it is not understood without doubt.
     """
 
     language: str = "en"
     clauses: tuple[Clause, ...] = ()
     guessed: bool = False
+    partly: bool = False
     why: str = ""
     strange: str = ""
     near: str = ""
@@ -142,6 +145,18 @@ class CancelWanted(_Message, frozen=True, omit_defaults=True):
     language: str = "en"
 
 
+class Wanted(_Message, frozen=True):
+    """A guest of the design wants a task; the answer goes to `ticket`. `held`: the robot is
+    stopped; `at`: when it was asked for [unix s].
+    """
+
+    ticket: str
+    guest: str
+    task: AnyCommand
+    held: bool
+    at: float
+
+
 class Halted(_Message, frozen=True):
     """A person stopped the robot (`held`) or let it go; it has been done already, where it could be
     (`reached`).
@@ -175,8 +190,8 @@ class NewEvent(_Message, frozen=True, tag="Told"):  # step logs have this word
 
 
 class Shown(_Message, frozen=True):
-    """All tasks as they are now, for /tasks, what could be said and is asked, and what the hands
-    hold; `events`: how many were told so far.
+    """All tasks as they are now, for /tasks, what could be said and is asked, what the hands hold,
+    and what was seen (None before the first look around); `events`: how many were told so far.
     """
 
     tasks: tuple[TaskLine, ...]
@@ -184,7 +199,8 @@ class Shown(_Message, frozen=True):
     wishes: tuple[Wish, ...] = ()
     questions: tuple[Question, ...] = ()
     hands: dict[Side, str] | None = None
+    seen: tuple[str, ...] | None = None
 
 
-Local = Sentence | CancelWanted | Halted
-"""Messages that the HTTP device posts."""
+Local = Sentence | Wanted | CancelWanted | Halted
+"""Messages that the devices post: people's by HTTP, guests' at their door."""

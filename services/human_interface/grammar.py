@@ -17,11 +17,13 @@ from msgspec.structs import replace
 from rapidfuzz import fuzz, process
 from rapidfuzz.distance import OSA
 
+from companion.languages import cmd
 from companion.stop_words import fold
 from services.human_interface import patterns
 from services.human_interface.catalogue import (
     CATALOGUE,
     LANGUAGES,
+    LIGHT,
     RULES,
     TASKS,
     THINGS,
@@ -32,7 +34,7 @@ from services.human_interface.device_messages import Clause, Hints, Meaning, Nam
 from services.human_interface.hints import Named, hints
 from services.human_interface.times import split_time
 
-MOST_CHARACTERS = 200
+MOST_CHARACTERS = cmd.MOST_CHARACTERS
 MOST_WORDS = 51  # and marks; as many as four wishes have as hi itself says them
 MOST_WISHES = 4
 # a comma within a wish, ", and" after it; many cost the parser most (measured)
@@ -49,11 +51,15 @@ SURE_BY = 2  # known words more than of another language, which is not tried the
 MOST_GUESSES = 9  # sentences that are tried for one with unknown words (estimate)
 
 LACKS = "lacks"  # how a form asks for a wish: something is left out
-LIGHT = frozenset({"the", "yes", "no", "greet"})
-"""Names, assent and courtesies: with a wish beside them they count for nothing."""
 UNSAID = LIGHT | {"rather"}  # no part of a sentence alone is taken for one of these
 LESS = 0.5  # words; one wish is likelier than two that have as many words (estimate)
 
+Wishes = dict[int, tuple[int, Clause]]
+"""The wishes that begin at a word, by their number of words, with their strange ones."""
+Known = dict[tuple[str, ...], Wishes]
+"""What was found so far, by the rest of a sentence: readings of one sentence have most of it in
+common.
+"""
 _TASK = re.compile(r"hi-\d+-\d+")
 _WORDS = re.compile(r"hi-\d+-\d+|(?<!\w)[-\u2212]\d+|\d{1,2}:\d\d|\d+[.,]\d+|[^\W_]+|[,.;:!?]")
 
@@ -148,13 +154,17 @@ class _Language:
             for text in row.texts(language, how)
         ]
         self.words = frozenset(self._of.words)
+        self._borders = frozenset(fold(CATALOGUE.border[language]).split("|"))
         self._by_first: dict[str, list[tuple[str, str, patterns.Part]]] = {}
 
     def _strange_words(self, sentence: patterns.Sentence, at: int) -> patterns.Ends:
         """One to three words that nobody knows."""
         ends = {}
         for end in range(at + 1, min(at + MOST_STRANGE, len(sentence.words)) + 1):
-            if not self.unknown(sentence.words[end - 1]):
+            if (
+                not self.unknown(sentence.words[end - 1])
+                or sentence.words[end - 1] in self._borders
+            ):
                 break
             ends[end] = patterns.Match((_Found("strange", sentence.said(at, end)),), end - at)
         return ends
@@ -178,13 +188,13 @@ class _Language:
 
         return rule
 
-    def meaning(self, words: tuple[str, ...]) -> Meaning | None:
+    def meaning(self, words: tuple[str, ...], known: Known) -> Meaning | None:
         """Return the meaning of a whole sentence; None where it has none. The reading with the
-        fewest strange words, then with the fewest wishes.
+        fewest strange words, then with the fewest wishes. `known` grows.
         """
         if sum(map(self.unknown, words)) > MOST_STRANGE:
             return None
-        best = self._best(patterns.Sentence(words), 0, MOST_WISHES + 1, {})
+        best = self._best(patterns.Sentence(words), 0, MOST_WISHES + 1, {}, known)
         if best is None:
             return None
         if len(best[1]) > MOST_WISHES:
@@ -196,18 +206,20 @@ class _Language:
         sentence: patterns.Sentence,
         at: int,
         left: int,
-        known: dict[tuple[int, int], tuple[int, tuple[Clause, ...]] | None],
+        done: dict[tuple[int, int], tuple[int, tuple[Clause, ...]] | None],
+        known: Known,
     ) -> tuple[int, tuple[Clause, ...]] | None:
         """The strange words and wishes of the best reading of the rest; None for none."""
-        if (at, left) in known:
-            return known[at, left]
+        if (at, left) in done:
+            return done[at, left]
         best: tuple[int, tuple[Clause, ...]] | None = None
-        for end, (strange, clause) in self._clause_ends(sentence, at).items():
+        for end, (strange, clause) in self._clause_ends(sentence, at, known).items():
+            end += at
             if end == len(sentence.words):
                 rests: list[tuple[int, tuple[Clause, ...]] | None] = [(0, ())]
             elif left > 1:
                 behind = self._behind_joining(sentence, end)
-                rests = [self._best(sentence, one, left - 1, known) for one in behind]
+                rests = [self._best(sentence, one, left - 1, done, known) for one in behind]
             else:
                 continue
             for rest in rests:
@@ -215,11 +227,11 @@ class _Language:
                     found = (strange + rest[0], (clause, *rest[1]))
                     if best is None or (found[0], len(found[1])) < (best[0], len(best[1])):
                         best = found
-        known[at, left] = best
+        done[at, left] = best
         return best
 
     def parts(
-        self, words: tuple[str, ...], *, light: bool = False
+        self, words: tuple[str, ...], known: Known, *, light: bool = False
     ) -> tuple[float, tuple[Clause, ...], tuple[str, ...]]:
         """Return the wishes that have most of the known words between them, how many they have
         (less for each further wish), and the words that are left over. Names and courtesies count
@@ -231,12 +243,14 @@ class _Language:
             covered, clauses, left = best[0]
             found = (covered, clauses, (words[at], *left))
             denied = at > 0 and words[at - 1] in _DENYING
-            for end, (strange, clause) in () if denied else self._clause_ends(sentence, at).items():
-                covered, clauses, left = best[end - at - 1]
-                known = end - at - strange
-                covered += known - (LESS if clauses else 0.0)
+            ends = {} if denied else self._clause_ends(sentence, at, known)
+            for count, (strange, clause) in ends.items():
+                end = at + count
+                covered, clauses, left = best[count - 1]
+                sure = count - strange
+                covered += sure - (LESS if clauses else 0.0)
                 apart = words[at - 1 : at] in ((), (",",)) and words[end : end + 1] in ((), (",",))
-                told = known > 1 or (apart and not strange)
+                told = sure > 1 or (apart and not strange)
                 if told and (light or clause.does not in UNSAID) and covered > found[0]:
                     found = (covered, (clause, *clauses), left)
             best.insert(0, found)
@@ -289,15 +303,19 @@ class _Language:
             behind |= {end, end + (sentence.words[end : end + 1] == (",",))}
         return behind
 
-    def _clause_ends(self, sentence: patterns.Sentence, at: int) -> dict[int, tuple[int, Clause]]:
-        """The ends of the wishes that begin at a word, the first one of the catalogue for each."""
-        ends: dict[int, tuple[int, Clause]] = {}
-        if at == len(sentence.words):
+    def _clause_ends(self, sentence: patterns.Sentence, at: int, known: Known) -> Wishes:
+        """The wishes that begin at a word, the first one of the catalogue for each length."""
+        rest = sentence.words[at:]
+        if rest in known:
+            return known[rest]
+        ends = known[rest] = Wishes()
+        if not rest:
             return ends
         for does, how, form in self._beginning(sentence.words[at]):
             for end, (found, strange) in sentence.ends(form, at).items():
-                if end not in ends or strange < ends[end][0]:
-                    ends[end] = strange, _clause(does, found, how)
+                count = end - at
+                if count not in ends or strange < ends[count][0]:
+                    ends[count] = strange, _clause(does, found, how)
         return ends
 
 
@@ -336,6 +354,8 @@ def understand(sentence: str) -> Meaning:
     words, when = split_time(words)
     language = _language_of(words, sentence)
     found = _read(words, language)
+    if any(itertools.starmap(_adds_to, itertools.pairwise(found.clauses))):
+        found = replace(found, guessed=True)
     if found.guessed or not found.clauses or any(map(_unclear, found.clauses)):
         found = replace(found, hints=_hints(words, found.language))
     return replace(found, when=when)
@@ -370,7 +390,8 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     known = _known(words, language) - SURE_BY
     likely = [one for one in LANGUAGES if one == language or _known(words, one) >= known]
     readings = {one: _readings(words, one) for one in sorted(likely, key=language.__ne__)}
-    parsed = [_OF[of].meaning(one) for of in readings for one in readings[of]]
+    seen = {of: Known() for of in readings}
+    parsed = [_OF[of].meaning(one, seen[of]) for of in readings for one in readings[of]]
     found = min(filter(None, parsed), key=_doubtful, default=None)
     if found is not None and _strange(found) and found.language != language:
         found = None
@@ -379,13 +400,15 @@ def _read(words: tuple[str, ...], language: str) -> Meaning:
     corrected = {
         of: [one for near in readings[of] for one in _corrected(near, of)] for of in readings
     }
-    guesses = (_OF[of].meaning(one) for of in readings for one in corrected[of])
+    guesses = (_OF[of].meaning(one, seen[of]) for of in readings for one in corrected[of])
     guess = next((one for one in guesses if one is not None and not _strange(one)), None)
     named = found is not None and all(clause.does == "the" for clause in found.clauses)
     if guess is None and (found is None or named):
         wide = {of: (*readings[of], *corrected[of][:MOST_ALIKE]) for of in readings}
         tried = ((of, light) for light in (False, True) for of in wide)
-        guess = next(filter(None, (_parts(wide[of], of, light) for of, light in tried)), None)
+        guess = next(
+            filter(None, (_parts(wide[of], of, seen[of], light) for of, light in tried)), None
+        )
     if guess is not None:
         return replace(guess, guessed=True)
     if found is not None:
@@ -426,6 +449,21 @@ def _unclear(clause: Clause) -> bool:
         one.doubt or one.quality or not any(use in THINGS[kind].can for kind in one.kinds)
         for one, use in zip(clause.things, TASKS[clause.does].uses, strict=False)
         if not one.ref
+    )
+
+
+def _adds_to(name: Clause, wish: Clause) -> bool:
+    """Whether a name before a wish is one more thing that it is about: "the jar and the bowl into
+    the cabinet".
+    """
+    kinds = [set(one.kinds) for one in wish.things]
+    return bool(
+        name.does == "the"
+        and name.things[0].kinds
+        and wish.does in TASKS
+        and kinds
+        and not wish.things[0].ref
+        and all(kinds_of.isdisjoint(name.things[0].kinds) for kinds_of in kinds)
     )
 
 
@@ -470,15 +508,17 @@ def _without(words: tuple[str, ...], polite: patterns.Part, *, opening: bool) ->
     return tuple(kept)
 
 
-def _parts(readings: Iterable[tuple[str, ...]], language: str, light: bool) -> Meaning | None:
+def _parts(
+    readings: Iterable[tuple[str, ...]], language: str, known: Known, light: bool
+) -> Meaning | None:
     """The wishes within the words, in the reading in which they have most of the words; None where
     there are none, and where a word left over may turn them into something else.
     """
     best, most = None, 0.0
     for words in readings:
-        covered, clauses, left = _OF[language].parts(words, light=light)
+        covered, clauses, left = _OF[language].parts(words, known, light=light)
         if covered > most and not _TURNING.intersection(left):
-            best, most = Meaning(language, clauses[:MOST_WISHES]), covered
+            best, most = Meaning(language, clauses[:MOST_WISHES], partly=True), covered
     return best
 
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from companion.commands import Offer
 from companion.stop_words import fold, forms
-from services.human_interface.catalogue import CATALOGUE, LANGUAGES, TASKS, WISHES
+from services.human_interface.catalogue import CATALOGUE, LANGUAGES, LIGHT, TASKS, WISHES
 from services.human_interface.device_messages import Hints, Mention, NamedObject, Part
 
 Named = tuple[int, int, NamedObject]
@@ -29,7 +29,9 @@ class _Found(NamedTuple):
 
 
 class _Phrases:
-    """The phrases of a language; a word that ends with * may end otherwise."""
+    """The phrases of a language; a word that ends with * may end otherwise, one that begins with *
+    may begin otherwise, and is a phrase by itself.
+    """
 
     def __init__(self, rows: Iterable[tuple[str, str]]) -> None:
         found: dict[tuple[str, ...], list[str]] = {}
@@ -38,6 +40,7 @@ class _Phrases:
                 words = found.setdefault(tuple(_plain(form).split()), [])
                 if does not in words:
                     words.append(does)
+        self._ends = {one[0][1:]: tuple(of) for one, of in found.items() if one[0][0] == "*"}
         self._by_start: dict[str, list[tuple[tuple[str, ...], tuple[str, ...]]]] = {}
         for phrase, of in found.items():
             start = phrase[0].removesuffix("*")
@@ -55,6 +58,9 @@ class _Phrases:
 
     def _longest_at(self, words: tuple[str, ...], at: int) -> _Found | None:
         word, best = words[at], None
+        for ending, does in self._ends.items():
+            if word.endswith(ending):
+                best = _Found(at, at + 1, does)
         for length in range(min(len(word), self._longest), 0, -1):
             for phrase, does in self._by_start.get(word[:length], ()):
                 end = at + len(phrase)
@@ -83,9 +89,12 @@ _OF = {
 _CANNOT = frozenset(one.says for one in CATALOGUE.cannot)
 _ALONE = frozenset(does for does, wish in TASKS.items() if wish.offer is Offer.ALONE)
 """Wishes that need no thing."""
-_BORDERS, _ASKING, _EXCEPT, _TO, _FROM, _BESIDE, _DENYING = (
+_STANDS, _AND, _UNTIL, _BORDERS, _ASKING, _EXCEPT, _TO, _FROM, _BESIDE, _DENYING = (
     {one: frozenset(fold(rows[one]).split("|")) for one in LANGUAGES}
     for rows in (
+        CATALOGUE.standing,
+        CATALOGUE.listing,
+        CATALOGUE.until,
         CATALOGUE.border,
         CATALOGUE.asking,
         CATALOGUE.excepting,
@@ -95,14 +104,21 @@ _BORDERS, _ASKING, _EXCEPT, _TO, _FROM, _BESIDE, _DENYING = (
         CATALOGUE.denying,
     )
 )
+_QUESTIONS = {
+    language: {word: does for does, words in rows.items() for word in fold(words).split("|")}
+    for language, rows in CATALOGUE.question.items()
+}
+"""What is answered to a question of which only the first word is known."""
 
 
 def hints(words: tuple[str, ...], language: str, named: Iterable[Named]) -> Hints:
     """Return what the words of a sentence hint at; `named`: the things in them."""
     names, parts = list(named), list[tuple[int, int]]()
-    begin = 0
+    begin, begins, ends = 0, {one[0] for one in names}, {one[1] for one in names}
     for at, word in enumerate((*words, ",")):
         inside = any(one[0] <= at < one[1] for one in names)
+        between = word in _AND[language] and at in ends and at + 1 in begins
+        inside = inside or between
         if not inside and (word == "," or word in _BORDERS[language]):
             parts += [(begin, at)] if begin < at else []
             begin = at + 1
@@ -113,17 +129,22 @@ def hints(words: tuple[str, ...], language: str, named: Iterable[Named]) -> Hint
     )
     read = list(_joined(read))
     told = [one for one in read if one.does or any(of.role == "to" for of in one.mentions)]
-    asked = next((one.talk for one in read if one.talk), "")
+    cannot = next((one.cannot for one in read if one.cannot), "")
+    asked = next((one.talk for one in read if one.talk and not (cannot and one.talk in LIGHT)), "")
     if asked and not any(map(_wishes, told)):
         return Hints(talk=asked)
-    cannot = next((one.cannot for one in read if one.cannot), "")
+    if parts and not (told or cannot) and not any(map(_names_one, read)):
+        begin, end = parts[0]
+        asked = _QUESTIONS[language].get(words[begin], "") if begin + 1 < end else ""
+        if asked:
+            return Hints(talk=asked)
     others = (of for one in read if one not in told for of in one.mentions)
     return Hints(tuple(told), "", cannot, tuple(others), perhaps)
 
 
 def _wishes(part: Part) -> bool:
     """Whether a part wishes by itself: with a verb and what it needs, or a thing and its place."""
-    roles = {one.role for one in part.mentions if one.thing.kinds}
+    roles = {one.role for one in part.mentions if one.thing.kinds or one.thing.ref == "both"}
     verb = part.does and (roles or _ALONE & {*part.does})
     return bool(verb or (not part.talk and roles >= {"", "to"}))
 
@@ -162,12 +183,18 @@ def _read(words: tuple[str, ...], begin: int, end: int, language: str, names: li
     for found in _OF[language].found(said):
         tasks = [one for one in found.does if one in TASKS]
         if found.at and said[found.at - 1] in _DENYING[language]:
-            continue
+            found = found._replace(does=tuple(one for one in found.does if one in _CANNOT))
+            tasks = []
         if not (does or talk):
             talk = next((one for one in found.does if one not in TASKS and one not in _CANNOT), "")
-        cannot = cannot or next((one for one in found.does if one in _CANNOT), "")
+        before = words[begin + found.at - 1] if begin + found.at else ""
+        meal = {"no_chores"} if before in _UNTIL[language] else set[str]()  # "before supper"
+        cannot = cannot or next((one for one in found.does if one in _CANNOT - meal), "")
         # "throw the jar away to get it out": what comes behind is no wish of its own
         does += [one for one in tasks if one not in does and not (talk or (cannot and not does))]
+    if not (does or talk or cannot):
+        things = any(one.thing.kinds for one in mentions)
+        talk = "see" if things and said[0] in _STANDS[language] else ""
     return Part(tuple(does), mentions, talk, cannot)
 
 

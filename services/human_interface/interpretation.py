@@ -17,7 +17,7 @@ from companion import commands
 from companion.commands import Offer
 from companion.design import AnyCommand
 from companion.run_files import InWords, Wish
-from services.human_interface.catalogue import MAKE, NEAR, TASKS, THINGS, say
+from services.human_interface.catalogue import CATALOGUE, LIGHT, MAKE, NEAR, TASKS, THINGS, say
 from services.human_interface.device_messages import (
     Clause,
     Hints,
@@ -25,10 +25,10 @@ from services.human_interface.device_messages import (
     Mention,
     NamedObject,
     Part,
-    When,
 )
-from services.human_interface.grammar import LIGHT, MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
+from services.human_interface.grammar import MOST_CHARACTERS, MOST_WISHES, MOST_WORDS
 
+EITHER = "either"  # how a form asks for one of several wishes: which one is not clear
 MOST_EXAMPLES = 3  # in a refusal (estimate)
 MOST_MENTIONED = 4  # things back that "it" and "the other one" can mean (estimate)
 
@@ -106,45 +106,108 @@ def outcome(meaning: Meaning, context: Context) -> Outcome:
 
 def _outcome(meaning: Meaning, context: Context) -> Outcome:
     """The outcome of a sentence by its clauses."""
-    language = meaning.language
+    meaning = _without_talk(meaning)
     clauses = _weighty(meaning.clauses)
     if meaning.guessed:
         clauses = tuple(dict.fromkeys(clauses))
-    tasks_of = tuple(clause for clause in clauses if clause.does in MAKE)
-    before = tuple(one for one in meaning.clauses if one.does == "the")
-    if tasks_of and clauses != meaning.clauses:
-        # names before a wish say what "it" is; one that nobody knows makes it a guess
-        kinds = [one.things[0].kinds for one in before if not one.things[0].ref]
-        several = [kind_of(name) for name in context.seen or ()]
-        clear = [of[0] for of in kinds if len(of) == 1 and several.count(of[0]) < 2]
-        context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
-        # one behind a wish that is about no thing makes it a guess, too
-        lone = any(
-            one.does in MAKE and not one.things and behind.does == "the"
-            for one, behind in itertools.pairwise(meaning.clauses)
-        )
-        meaning = replace(meaning, guessed=meaning.guessed or () in kinds or lone)
-    if tasks_of and tasks_of != clauses:  # and a question, or to cancel
-        meaning, clauses = replace(meaning, guessed=True), tasks_of
-    meaning = replace(meaning, clauses=clauses)
+    if any(one.does in TASKS for one in clauses) and clauses != meaning.clauses:
+        meaning, context = _with_names(meaning, context)
+    if corrected := _self_corrected(clauses, context):
+        meaning, clauses = replace(meaning, guessed=True), corrected
+    wishes = tuple(one for one in clauses if one.does in TASKS)
+    if wishes and wishes != clauses:  # and a question, or to cancel
+        meaning, clauses = replace(meaning, guessed=True), wishes
+    if meaning.partly:  # what is clear in it is likelier than what is not
+        known = (one for one in clauses if all(of.kinds or of.ref for of in one.things))
+        clauses = tuple(one for one in known if not one.lacks) or clauses
     if not clauses:
         return Ask(_not_understood(meaning))
-    if not tasks_of:
-        return _without_task(meaning, context)
+    if not wishes:
+        return _without_task(replace(meaning, clauses=clauses), context)
+    whole = {one.does for one in clauses if not one.lacks}
+    clauses = tuple(one for one in clauses if not (one.lacks and one.does in whole))
+    return _outcome_of_wishes(replace(meaning, clauses=clauses), context)
+
+
+def _outcome_of_wishes(meaning: Meaning, context: Context) -> Outcome:
+    """The outcome of wishes for tasks, and nothing beside them."""
+    language, clauses = meaning.language, meaning.clauses
+    lacking = [one for one in clauses if one.lacks]
     try:
-        lacking = [one for one in clauses if one.lacks]
+        if lacking and (chosen := _of_offered(clauses, context)):
+            return chosen
         if len(lacking) > 1:
             return Ask(say(language, "lacking", TASKS[lacking[0].does].example[language]))
         if lacking:
             return _complete(meaning, context, lacking[0])
         tasks, plain = _tasks(clauses, context, language)
     except _Doubt as doubt:
-        return _ask_back(meaning, context, doubt)
+        found = _of_offered(clauses, context) if doubt.thing.ref == "it" else None
+        return found or _ask_back(meaning, context, doubt)
     unsure = next((clause.unsure for clause in clauses if clause.unsure), "")
+    if unsure == EITHER:
+        return _either(meaning, context)
     if meaning.guessed or unsure:
+        tasks, plain = tuple(dict.fromkeys(tasks)), tuple(dict.fromkeys(plain))
         why = f"{say(language, unsure)} " if unsure else ""
         return Ask(f"{why}{_mean(tasks, language)}", (Option("", tasks, plain),))
     return Act(tasks, plain)
+
+
+def _without_talk(meaning: Meaning) -> Meaning:
+    """A sentence with wishes, without what names no thing beside them; what somebody says to need
+    beside a wish only tells what the wish is about.
+    """
+    if not any(one.does in TASKS for one in meaning.clauses):
+        return meaning
+    heard = tuple(one for one in meaning.clauses if not _is_small_talk(one))
+    if any(one.does in TASKS and one.unsure != EITHER for one in heard):
+        heard = tuple(Clause("the", one.things) if one.unsure == EITHER else one for one in heard)
+    return replace(meaning, clauses=heard, guessed=meaning.guessed or heard != meaning.clauses)
+
+
+def _with_names(meaning: Meaning, context: Context) -> tuple[Meaning, Context]:
+    """Names beside a wish say what "it" is; one that nobody knows makes the sentence a guess, and
+    one behind a wish that is about no thing.
+    """
+    names = [one.things[0] for one in meaning.clauses if one.does == "the"]
+    kinds = [one.kinds for one in names if not one.ref]
+    several = [kind_of(name) for name in context.seen or ()]
+    clear = [of[0] for of in kinds if len(of) == 1 and several.count(of[0]) < 2]
+    lone = any(
+        one.does in TASKS and not one.things and behind.does == "the"
+        for one, behind in itertools.pairwise(meaning.clauses)
+    )
+    guessed = meaning.guessed or () in kinds or lone
+    context = replace(context, mentioned=with_mentioned(context.mentioned, *clear))
+    return replace(meaning, guessed=guessed), context
+
+
+def _is_small_talk(clause: Clause) -> bool:
+    """Whether several words that nobody knows stand beside a wish: they name no thing."""
+    thing = clause.things[0] if clause.does == "the" else NamedObject("")
+    return not (thing.kinds or thing.ref) and " " in thing.said
+
+
+def _either(meaning: Meaning, context: Context) -> Act | Ask:
+    """Ask which of several wishes is meant: "I need the jar" may ask to bring it or to hand it
+    over.
+    """
+    language, options = meaning.language, []
+    if context.options:  # "the bowl please" answers the question
+        named = [replace(one, does="the", unsure="") for one in meaning.clauses]
+        answer = _outcome_of_a_name(replace(meaning, clauses=tuple(named)), context)
+        if len(named) == 1 and isinstance(answer, Act):
+            return answer
+    first = next(clause.does for clause in meaning.clauses if clause.unsure == EITHER)
+    for does in (first, *TASKS[first].alike):
+        side = TASKS[does].sided
+        clauses = tuple(
+            replace(one, does=does, side=one.side if side else "") if one.unsure == EITHER else one
+            for one in meaning.clauses
+        )
+        options.append(Option("", *_tasks(clauses, context, language)))
+    return _ask_which(options, language)
 
 
 def _weighty(clauses: tuple[Clause, ...]) -> tuple[Clause, ...]:
@@ -172,20 +235,31 @@ def _mean(tasks: tuple[AnyCommand, ...], language: str) -> str:
     return say(language, "mean", in_words(tasks, language))
 
 
-def _ask_which(sentences: list[str], language: str) -> Ask:
+def _ask_sentence(sentences: list[str], language: str) -> Ask:
     """Ask which of these sentences is meant; each is understood without the question."""
+    return Ask(_quoted(sentences, language), (), tuple(sentences))
+
+
+def _ask_which(options: list[Option], language: str, why: str = "") -> Ask:
+    """Ask which of these wishes is meant, each in words."""
+    text = _quoted([in_words(one.tasks, language) for one in options], language)
+    return Ask(f"{why} {text}".strip(), tuple(options))
+
+
+def _quoted(sentences: list[str], language: str) -> str:
     row = "mean" if len(sentences) == 1 else "which_of"
-    quoted = sentences[0] if len(sentences) == 1 else " / ".join(sentences)
-    return Ask(say(language, row, quoted), (), tuple(sentences))
+    return say(language, row, sentences[0] if len(sentences) == 1 else " / ".join(sentences))
 
 
 def _without_task(meaning: Meaning, context: Context) -> Outcome:
     """Return the outcome of a question, an answer and the like, which stand alone."""
     language, clause = meaning.language, meaning.clauses[0]
+    if clause.does == "release" and context.options:  # "go on", while a question is open
+        return _yes(meaning, context)
     if clause.does in _OF_THE_TALK:
         return _OF_THE_TALK[clause.does](meaning, context)
     if clause.does in ("cancel", "cancel_all") and meaning.guessed:
-        return _ask_which([say(language, clause.does)], language)
+        return _ask_sentence([say(language, clause.does)], language)
     return Tell(clause.does, clause.task)
 
 
@@ -212,7 +286,7 @@ def _undo(meaning: Meaning, context: Context) -> Outcome:
     """What undoes what was done last; while it is still to be done, it is cancelled."""
     language = meaning.language
     if context.busy:
-        return _ask_which([say(language, "cancel")], language)
+        return _ask_sentence([say(language, "cancel")], language)
     undone = [
         Clause(undo, one.things[:1])
         for one in reversed(context.last)
@@ -237,12 +311,13 @@ def _leave(meaning: Meaning, context: Context) -> Outcome:
         sentences.insert(0, in_words(put, language))
     except _Doubt:
         pass
-    return _ask_which(sentences, language)
+    return _ask_sentence(sentences, language)
 
 
 def _rather(meaning: Meaning, context: Context) -> Outcome:
     """A correction: what was wished last, with this thing, this hand, or its things exchanged."""
-    clause = meaning.clauses[0]
+    told = (one for one in meaning.clauses if not any(of.ref == "it" for of in one.things))
+    clause = next(told, meaning.clauses[0])
     wishes = []
     for at, one in enumerate(context.last):
         for changed in _corrections(one, clause, context):
@@ -250,6 +325,30 @@ def _rather(meaning: Meaning, context: Context) -> Outcome:
     if not context.last and len(clause.things) == 1:
         return _outcome_of_a_name(meaning, context)
     return _offer(meaning, context, wishes, instead=True)
+
+
+def _self_corrected(clauses: tuple[Clause, ...], context: Context) -> tuple[Clause, ...]:
+    """The wishes of a sentence that takes back a part of itself: "take the jar, I mean the bowl";
+    none where it does not.
+    """
+    found: list[Clause] = []
+    for clause in clauses:
+        if clause.does == "rather" and found and found[-1].does in TASKS:
+            changes = _corrections(found[-1], clause, context)
+            changed = next((one for one in changes if _makes_sense(one, context)), None)
+            if changed is None:
+                return ()
+            found[-1] = changed
+        else:
+            found.append(clause)
+    return tuple(found) if len(found) < len(clauses) else ()
+
+
+def _makes_sense(clause: Clause, context: Context) -> bool:
+    try:
+        return bool(_tasks((clause,), context, "en"))
+    except _Doubt:
+        return False
 
 
 def _corrections(one: Clause, clause: Clause, context: Context) -> Iterator[Clause]:
@@ -284,9 +383,7 @@ def _offer(
             options.append(Option("", tasks, plain, instead))
     if not options:
         return Ask(say(language, "nothing_before"))
-    if len(options) == 1:
-        return Ask(_mean(options[0].tasks, language), tuple(options))
-    return _ask_which([in_words(one.tasks, language) for one in options], language)
+    return _ask_which(options, language)
 
 
 def _complete(meaning: Meaning, context: Context, lacking: Clause) -> Ask:
@@ -310,8 +407,7 @@ def _complete(meaning: Meaning, context: Context, lacking: Clause) -> Ask:
         return _which("", options, language)
     if not options:
         return Ask(say(language, "lacking", TASKS[lacking.does].example[language]))
-    some = options[:MOST_MENTIONED]
-    return _ask_which([in_words(one.tasks, language) for one in some], language)
+    return _ask_which(options[:MOST_MENTIONED], language)
 
 
 def _object(name: str) -> NamedObject:
@@ -352,8 +448,6 @@ def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     }
     clause = meaning.clauses[0]
     thing = clause.things[-1]
-    if not (thing.kinds or thing.ref):
-        return Ask(_not_understood(replace(meaning, why="sorry", strange=thing.said)))
     name = f"{thing.kinds[0]}_{thing.number}" if thing.number else "".join(thing.kinds[:1])
     if name not in options and thing.number == 1:  # "the jar one"
         name = thing.kinds[0]
@@ -362,14 +456,33 @@ def _outcome_of_a_name(meaning: Meaning, context: Context) -> Outcome:
     )
     if plain and name in options:
         return _chosen(options[name])
-    (one,) = context.options if len(context.options) == 1 else (None,)
-    if plain and one is not None and name in {part for task in one.tasks for part in task.things}:
-        return _chosen(one)
+    fitting = [one for one in context.options if _is_about(one, name)]
+    if plain and len(fitting) == 1:
+        return _chosen(fitting[0])
+    said = (thing.quality or thing.said).split()
+    numbers = CATALOGUE.ordinal[meaning.language]
+    place = next((numbers[word] for word in said if word in numbers), 0)
+    if 0 < place <= len(context.options) > 1:
+        return _chosen(context.options[place - 1])
+    if not (thing.kinds or thing.ref):
+        return Ask(_not_understood(replace(meaning, why="sorry", strange=thing.said)))
     if context.last and clause.does == "the" and not context.options:
         return _rather(meaning, context)
     return outcome(
         replace(meaning, clauses=(Clause(_FIRST, (thing,), clause.side),), guessed=True), context
     )
+
+
+def _is_about(option: Option, name: str) -> bool:
+    """Whether one of its tasks is about a thing, or a place."""
+    return name in {of for task in option.tasks for of in task.task.arguments}
+
+
+def _of_offered(clauses: tuple[Clause, ...], context: Context) -> Act | None:
+    """The only wish among those that are offered that is asked for in the same way: "bring it"."""
+    wanted = [clause.does for clause in clauses]
+    fitting = [one for one in context.options if [of.does for of in one.clauses] == wanted]
+    return _chosen(fitting[0]) if len(fitting) == 1 else None
 
 
 _FIRST = next(
@@ -378,8 +491,11 @@ _FIRST = next(
 
 
 def _unasked(language: str, context: Context) -> str:
-    names = ", ".join(noun(option.thing, language) for option in context.options)
-    return say(language, "which", names) if names else say(language, "nothing_asked")
+    if not context.options:
+        return say(language, "nothing_asked")
+    if not all(one.thing for one in context.options):
+        return _ask_which(list(context.options), language).text
+    return say(language, "which", ", ".join(noun(one.thing, language) for one in context.options))
 
 
 def _not_understood(meaning: Meaning) -> str:
@@ -405,10 +521,10 @@ def _nearest(does: str, language: str) -> str:
 # --- hints ----------------------------------------------------------------------------------------
 
 MOST_OFFERED = 4  # wishes in a question (estimate)
-_VERB, _NAMED, _NEAR, _SURE = 4, 2, 3, 7
-"""Weights of a word that hints at a wish and of a thing that is named; how much less than the best
-wish one is offered still; from which sum on a wish is meant rather than what cannot be done
-(estimates).
+_VERB, _ALIKE, _NAMED, _NEAR, _SURE = 4, 3, 2, 3, 7
+"""Weights of a word that hints at a wish, or at one that is alike, and of a thing that is named;
+how much less than the best wish one is offered still; from which sum on a wish is meant rather than
+what cannot be done (estimates).
 """
 
 
@@ -424,11 +540,25 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     at which it hints, an answer, or a refusal with the reason.
     """
     language, of = meaning.language, meaning.hints
+    ones = [one for one in meaning.clauses if one.does in TASKS]
+    if of.side and len(ones) == 1 and not ones[0].side and TASKS[ones[0].does].sided:
+        handed = tuple(
+            replace(one, side=of.side) if one is ones[0] else one for one in meaning.clauses
+        )
+        meaning = replace(meaning, clauses=handed, guessed=True)
     plain = replace(meaning, hints=Hints())
+    if meaning.guessed and not context.mentioned:  # "I need the box, can you reach it"
+        named = [it.thing for one in of.parts for it in (*one.mentions, *of.named)]
+        names = (it.kinds[0] for it in named if len(it.kinds) == 1 and _good_for("take", it))
+        context = replace(context, mentioned=with_mentioned((), *names))
     read = _outcome(plain, context)
     asked = isinstance(read, Ask) and bool(read.options or read.sentences)
-    unsure = any(clause.unsure for clause in meaning.clauses)
-    if isinstance(read, Act) or (asked and (unsure or _of_before(meaning, context))):
+    unsure = any(clause.unsure for clause in meaning.clauses) and not meaning.partly
+    corrects = any(
+        before.does in TASKS and after.does == "rather"
+        for before, after in itertools.pairwise(meaning.clauses)
+    )
+    if isinstance(read, Act) or (asked and (unsure or corrects or _of_before(meaning, context))):
         return read
     wishes = any(clause.does in TASKS for clause in meaning.clauses)
     talk = of.talk or ("see" if of.asks and not wishes else "")
@@ -438,7 +568,8 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
     no_goal = _no_goal(of, language)
     why = say(language, of.cannot) if of.cannot else ""
     able = any(
-        (one.does or not one.cannot) and any(it.thing.kinds for it in one.mentions)
+        (one.does and not one.cannot and (one.mentions or _alone(one)))
+        or ((one.does or not one.cannot) and any(it.thing.kinds for it in one.mentions))
         for one in of.parts
     )
     things = [thing for clause in meaning.clauses for thing in clause.things]
@@ -457,17 +588,19 @@ def _hinted(meaning: Meaning, context: Context) -> Outcome:
         options = _beside_read(read, options, of, named=not any(one.ref for one in things))
     elif fits < _NAMED or (isinstance(read, Tell) and fits < _VERB + _NAMED):
         options = []
+    if why and not options and not asked:
+        return Ask(f"{why} {_nearest('', language)}")
     if not options:
         lacking = _lacking(of)
         if not lacking or asked or not isinstance(read, Ask):
             return read
         return _complete(replace(plain, clauses=(lacking,)), context, lacking)
-    if meaning.when != When():
-        options = options[:1]  # an answer of yes keeps the time that was said, a sentence does not
-    if len(options) == 1:
-        return Ask(f"{why} {_mean(options[0].tasks, language)}".strip(), tuple(options))
-    which = _ask_which([in_words(one.tasks, language) for one in options], language)
-    return replace(which, text=f"{why} {which.text}".strip())
+    return _ask_which(options, language, why)
+
+
+def _alone(part: Part) -> bool:
+    """Whether a part hints at a wish that needs no thing."""
+    return any(TASKS[does].offer is Offer.ALONE for does in part.does)
 
 
 def _of_before(meaning: Meaning, context: Context) -> bool:
@@ -562,8 +695,9 @@ def _offers(part: Part, elsewhere: tuple[Mention, ...], context: Context) -> Ite
     if not things and len(goals) > 1:  # "what is in the jar into the bowl"
         things, goals = goals[:1], goals[1:]
     known = [_object(name) for name in _candidates(context) if kind_of(name) not in left_out]
+    alike = {other for does in part.does for other in TASKS[does].alike}
     for does, wish in TASKS.items():
-        verb = _VERB if does in part.does else 0
+        verb = _VERB if does in part.does else _ALIKE if does in alike else 0
         if wish.offer is Offer.ALONE or not wish.uses:
             yield from [_Offer(verb + _NAMED, (Clause(does),))] if verb else ()
             continue
@@ -650,8 +784,13 @@ def _tasks(
     """
     tasks: list[AnyCommand] = []
     plain: list[Clause] = []
-    mentioned = context.mentioned
+    mentioned, last = context.mentioned, Clause("")
     for clause in clauses:
+        both = last.does in TASKS and TASKS[last.does].uses == ("pour", "pour")
+        if both and clause.does in _TO_ONE and clause.things and clause.things[0].ref == "it":
+            # "pour the jar into the bowl and give it to me": the full one, or the one in the hand
+            raise _Doubt(clause.things[0], "", mentioned[1::-1])
+        last = clause
         uses = TASKS[clause.does].uses[: len(clause.things)]
         named = zip(clause.things, uses, strict=True)
         names = tuple(
@@ -666,6 +805,10 @@ def _tasks(
         plain.append(Clause(clause.does, things, clause.side))
         mentioned = with_mentioned(mentioned, *names)
     return tuple(tasks), tuple(plain)
+
+
+_TO_ONE = {does for one, wish in TASKS.items() if wish.alike for does in (one, *wish.alike)}
+"""Wishes for a thing that is to be in a hand, or at hand."""
 
 
 def with_mentioned(before: tuple[str, ...], *names: str) -> tuple[str, ...]:
@@ -747,14 +890,28 @@ def _referred(
 
 
 def _ask_back(meaning: Meaning, context: Context, doubt: _Doubt) -> Ask:
-    """The question, with an option for each thing that would make the sentence clear."""
-    language, options = meaning.language, []
+    """The question, with an option for each thing that would make the sentence clear; where none
+    would, with another wish that these things are good for: "put the jar into the bowl".
+    """
+    language, options = meaning.language, list[Option]()
+    if not doubt.names:
+        for does, wish in TASKS.items():
+            clauses = tuple(
+                replace(one, does=does) if doubt.thing in one.things else one
+                for one in meaning.clauses
+            )
+            wanted = next(one for one in clauses if doubt.thing in one.things)
+            if wish.offer is Offer.THINGS and len(wish.uses) == len(wanted.things) > 1:
+                with contextlib.suppress(_Doubt):
+                    options.append(Option("", *_tasks(clauses, context, language)))
     for name in doubt.names:
         clauses = _with_thing(meaning.clauses, doubt.thing, _object(name))
         with contextlib.suppress(_Doubt):
             tasks, plain = _tasks(clauses, context, language)
             if len(set(tasks)) == len(tasks):
                 options.append(Option(name, tasks, plain))
+    if not options and doubt.names and len(meaning.clauses) == 1:  # more than one is not clear
+        return _complete(meaning, context, meaning.clauses[0])
     return _which(doubt.text, options, language)
 
 
@@ -775,34 +932,7 @@ _OF_THE_TALK: dict[str, Callable[[Meaning, Context], Outcome]] = {
 
 def in_words(tasks: tuple[AnyCommand, ...], language: str = "en") -> str:
     """Return a sentence from which the same tasks are understood."""
-    return say(language, "then").join(_task_in_words(task, language) for task in tasks)
-
-
-def _task_in_words(task: AnyCommand, language: str) -> str:
-    values = {name: str(getattr(task, name)) for name in task.__struct_fields__}
-    fields = {name: _InWords(name, value, language) for name, value in values.items()}
-    return say(language, task.says, **fields)
-
-
-class _InWords:
-    """A field of a command in its task's sentences: {object} is the first form of a name,
-    {object:2} the third.
-    """
-
-    def __init__(self, field: str, value: str, language: str) -> None:
-        self._field, self._value, self._language = field, value, language
-
-    def __format__(self, case: str) -> str:
-        if self._field == "side":
-            return _hand(self._value, self._language)
-        if self._field == "place":
-            forms = (noun(self._value, self._language, one) for one in range(3))
-            return THINGS[self._value.partition("_")[0]].to[self._language].format(*forms)
-        return noun(self._value, self._language, int(case or 0))
-
-
-def _hand(side: str, language: str) -> str:
-    return {"left": "lewą", "right": "prawą"}[side] if language == "pl" else side
+    return say(language, "then").join(commands.in_words(task, language) for task in tasks)
 
 
 def noun(name: str, language: str, case: int = 0) -> str:
@@ -862,11 +992,15 @@ def _offered(
 def replies_to(
     options: tuple[Option, ...], language: str, sentences: tuple[str, ...] = ()
 ) -> tuple[str, ...]:
-    """Return the sentences that answer a question: a name or "yes" for each option, further ones,
-    and "no"; none where it is none.
+    """Return the sentences that answer a question: "yes" for the only option, else the name of each
+    or the wish in words; further ones, and "no"; none where it is none.
     """
-    names = [noun(one.thing, language) if len(options) > 1 else YES[language] for one in options]
+    names = [_reply_to(one, language) if len(options) > 1 else YES[language] for one in options]
     return (*names, *sentences, NO[language]) if names or sentences else ()
+
+
+def _reply_to(option: Option, language: str) -> str:
+    return noun(option.thing, language) if option.thing else in_words(option.tasks, language)
 
 
 def _offered_objects(context: Context) -> tuple[str, ...]:

@@ -67,7 +67,7 @@ class Heard(msgspec.Struct, frozen=True, omit_defaults=True):
     line: TaskLine
 
 
-AS_PLANNED_S = 30.0  # weight of the plans' own times beside what was measured (estimate)
+AS_PLANNED_S = 10.0  # weight of the plans' own times beside what was measured (estimate)
 FADES_S = 300.0  # planned time after which a measurement counts half (estimate)
 SLOWEST = 4.0
 """Times its planned time; what takes longer waited for something (estimate)."""

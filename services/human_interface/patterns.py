@@ -28,6 +28,7 @@ class Match(NamedTuple):
 Ends = Mapping[int, Match]
 """The ends of a pattern's matches (index of the word behind), each with its best match."""
 NOWHERE: Ends = {}
+_NOTHING = Match()
 Rule = Callable[["Sentence", int], Ends]
 """A rule made by code: matches from a word on."""
 
@@ -51,7 +52,7 @@ class _Word(Part):
 
     def ends(self, sentence: "Sentence", at: int) -> Ends:
         fits = at < len(sentence.words) and sentence.words[at] == self._word
-        return {at + 1: Match()} if fits else {}
+        return {at + 1: _NOTHING} if fits else NOWHERE
 
 
 class _Made(Part):
@@ -83,13 +84,15 @@ class _Row(Part):
         self.first = frozenset(firsts)
 
     def ends(self, sentence: "Sentence", at: int) -> Ends:
-        ends: Ends = {at: Match()}
+        ends: Ends = {at: _NOTHING}
         for part in self._parts:
             longer: dict[int, Match] = {}
             for end, before in ends.items():
                 for then, match in sentence.ends(part, end).items():
-                    both = Match(before.found + match.found, before.strange + match.strange)
-                    _keep(longer, then, both)
+                    if before is not _NOTHING:
+                        strange = before.strange + match.strange
+                        match = Match(before.found + match.found, strange)
+                    _keep(longer, then, match)
             if not longer:
                 return {}
             ends = longer
@@ -114,7 +117,7 @@ class _Choice(Part):
             for end, match in sentence.ends(part, at).items():
                 _keep(ends, end, match)
         if self._optional:
-            _keep(ends, at, Match())
+            _keep(ends, at, _NOTHING)
         return ends
 
 

@@ -93,9 +93,9 @@ def initialize_problem(memory: Memory, turn: Turn) -> Memory:
         case Received(content=wm.Unknown(later=True, why=why), conversation=name) if (
             name == memory.soft.question
         ):
-            return _no_plan(replace(memory, soft=Soft()), *why, later=True)
+            return _no_plan(memory, *why, later=True)
         case Received(conversation=name) if name == memory.soft.question:
-            return replace(memory, ready=True, soft=Soft())
+            return replace(memory, ready=True)
         case Started():
             return _drop(memory, turn)
         case _:

@@ -14,6 +14,7 @@ import msgspec
 
 from companion import tasks
 from companion.languages.cmd import Command
+from companion.sentences import Reader, hand, noun, where
 
 Make = Callable[[tuple[str, ...], str], Command]
 """Make a command of the things that a sentence names, in the order of its pattern, and a side, ""
@@ -42,6 +43,8 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     the tasks. `hint`: phrases, as rows of stop_words.toml are written, that hint at it in a
     sentence that no pattern fits. `sided`: a hand can be named for it. `held`: it is offered only
     while the first of its things, or any without one, is in a hand, or is not; None: always.
+    `alike`: other wishes that its patterns under `unsure.either` may mean as well; which one is
+    asked.
     """
 
     does: str
@@ -58,6 +61,7 @@ class Wish(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     hint: dict[str, str] = {}
     sided: bool = False
     held: bool | None = None
+    alike: tuple[str, ...] = ()
 
     def texts(self, language: str, how: str) -> tuple[str, ...]:
         """The patterns of a language: as the wish is said (""), with something left out ("lacks"),
@@ -74,8 +78,8 @@ class Phrases(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     `rule`: rules that its patterns share. `say`: sentences; the one that `Command.says` names is
     understood as it is written, and its blanks are fields of the command: `{object:1}` the
-    genitive, `:2` the accusative. `cannot_USE` is said of a thing that is not good for a use,
-    `itself_USE` where one is named twice.
+    genitive, `:2` the accusative, `{side:1}` the instrumental. `cannot_USE` is said of a thing that
+    is not good for a use, `itself_USE` where one is named twice.
     """
 
     rank: int
@@ -137,6 +141,22 @@ def table(name: str, language: str, general: dict[str, str]) -> dict[str, str]:
             )
         found |= more
     return found
+
+
+def in_words(command: Command, language: str) -> str:
+    """A sentence from which the same command is understood, in "en" or "pl"."""
+    reader = Reader(language)
+    said = {"side": hand, "place": where}
+    fields = {
+        name: said.get(name, noun)(str(getattr(command, name)), reader)
+        for name in command.__struct_fields__
+    }
+    return _says(language)[command.says].format(**fields)
+
+
+@cache
+def _says(language: str) -> dict[str, str]:
+    return table("say", language, {})
 
 
 def example(language: str) -> str:

@@ -46,7 +46,7 @@ def _kind_of_task(content: object) -> Kind:
 HFSM = Language("HFSM", hfsm.Content)
 SW = Language("SW", sw.Content, kind=_kind_of_report)
 WM = Language("WM", wm.Content)
-CMD = Language("CMD", AnyCommand | cmd.TaskReport, kind=_kind_of_task)
+CMD = Language("CMD", AnyCommand | cmd.TaskReport | cmd.Sentence | cmd.Stopped, kind=_kind_of_task)
 RC = Language("RC", acts.Content)
 RS = Language("RS", rs.Content)
 

@@ -34,6 +34,15 @@ it).
 """
 BEFORE_M = 0.15
 """Way of the hand to a thing (grasps.json, jar)."""
+EYES: Vector = (0.16, 0.0, 1.65)
+"""Where the eyes are while they look down at what an arm reaches [m, world]: they turn about it at
+up to 13 cm (velma.kinematics.robot.Robot.camera), which is two degrees of what they look at.
+"""
+LEAST_RISE = math.radians(35.0)
+"""From where a vessel is looked into, above the horizontal: from lower down hardly anything in it
+is seen (velma.eyes.content.LOW_RISE).
+"""
+TALL_M = 0.2  # of the jar, the tallest thing with an opening (models.toml)
 KNOWN_AS = {"bowl": "bowl_high", "cabinet": "cabinet_no_door"}
 """Kinds of the simulated scene (velma.model.kinds.Model) -> names of models, where they differ."""
 
@@ -299,3 +308,8 @@ REACH: dict[Side, wm.Reach] = {
     side: wm.Reach(_models.reach.near, _models.reach.far, (getattr(_models.reach, side),))
     for side in Side
 }
+
+
+def looked_into(x: float, y: float, z: float) -> bool:
+    """Whether an opening with its middle here [m, world] is low enough for the eyes."""
+    return math.atan2(EYES[2] - z, math.hypot(x - EYES[0], y - EYES[1])) > LEAST_RISE

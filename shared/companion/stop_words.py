@@ -261,14 +261,15 @@ def _as_in_rows(sentence: str) -> list[str]:
 
 def _plain(text: str) -> str:
     """The words without case, accents and marks; a letter that is repeated counts once."""
-    return _once(" ".join(_WORD.findall(fold(text[:LONGEST])[:LONGEST])))
+    text = re.sub("[łŁ]+", "ł", text[:LONGEST])  # "ałł" is "ał", a cry; folded it would be "all"
+    return _once(" ".join(_WORD.findall(fold(text)[:LONGEST])))
 
 
 def _once(text: str) -> str:
-    """The text with repeated letters once; "off" and "too" stay, beside "of" and "to"."""
+    """The text with repeated letters once; "off", "too" and "all" stay, unlike "of", "to", "ał"."""
     return re.sub(
-        r"\b(o+ff+)\b|\b(t+oo+)\b|([^\W\d])\3+",
-        lambda at: at[3] or ("off" if at[1] else "too"),
+        r"\b(o+ff+)\b|\b(t+oo+)\b|\b(all)\b|([^\W\d])\4+",
+        lambda at: at[3] or at[4] or ("off" if at[1] else "too"),
         text,
     )
 
@@ -308,7 +309,7 @@ _MARK = re.compile(rf"{_END.pattern}|,(?=\s)|\s[-\u2013\u2014]+\s")
 _LOOSE = re.compile(r"(?<!\S)\w(?: \w){2,}(?!\S)")
 _ALIKE = str.maketrans("01i", "oll")
 _LONG = {
-    _once(one.replace("'", gap)): long
+    _once(one.replace("'", gap)): _once(long)
     for one, long in _SHORT.items()
     for gap in ("", " ")
     if gap or one.replace("'", "") not in _OTHERWISE

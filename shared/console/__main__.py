@@ -1,7 +1,7 @@
 """`roco`: bring a fleet of agents up and down, watch it, ask what was said. `roco --help` lists it
 all.
 
-The verbs are in console.verbs; docs/roco.md has the exit codes, which are the same for all.
+The verbs are in console.verbs; docs/errors.md has the exit codes, which are the same for all.
 """
 
 import os

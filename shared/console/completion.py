@@ -46,6 +46,7 @@ def _of_design(
 
 
 agents = _of_design(lambda design: design.agents)
+guests = _of_design(lambda design: design.guests)
 channels = _of_design(lambda design: design.channels)
 protocols = _of_design(lambda design: design.tables)  # as it names what it follows
 uses = _of_design(lambda design: design.protocols)

@@ -6,7 +6,11 @@ NoRunError      no run exists to talk about
     FleetError      the fleet did not come up, or not go down
     NotWaitedError  Ctrl-C while the fleet ends: it goes on ending
     DockerError     docker is not there, or did not do what was asked
+    MissingExtraError  what an extra of the distribution installs is not there
 """
+
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 AS_WANTED = 0
 NO = 1
@@ -67,6 +71,23 @@ class NotWaitedError(ConsoleError):
 
 class DockerError(ConsoleError):
     """Docker is not there, or did not do what was asked."""
+
+
+class MissingExtraError(ConsoleError):
+    """What an extra installs is not there."""
+
+    def __init__(self, what: str, extra: str) -> None:
+        how = f"pip install 'robot-companion[{extra}]'"
+        super().__init__(f"{what} is not installed here: {how}")
+
+
+@contextmanager
+def needing(extra: str) -> Iterator[None]:
+    """Raise MissingExtraError where an import within needs this extra."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise MissingExtraError(str(error.name), extra) from error
 
 
 def last_line(output: bytes) -> str:

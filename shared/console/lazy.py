@@ -221,7 +221,7 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     """A function as a command whose output is guarded; its docstring is the help, the examples at
     its end stand below the options.
     """
-    text = (inspect.getdoc(function) or "").partition(EXAMPLES)[0].strip()
+    text = unwrapped((inspect.getdoc(function) or "").partition(EXAMPLES)[0].strip())
     lines = [line.replace("[", r"\[") for line in examples_of(function)]  # a bracket is no markup
     shown = "\n\n".join(("Examples:", *(f"  {line}" for line in lines))) if lines else None
     only = typer.Typer(add_completion=False)
@@ -229,6 +229,13 @@ def made(name: str, function: Callable[..., None]) -> TyperCommand:
     command = cast(TyperCommand, typer.main.get_command(only))
     command.callback = guarded(cast(Callable[..., None], command.callback))
     return command
+
+
+def unwrapped(text: str) -> str:
+    """A text whose paragraphs are one line each, so that a terminal of any width wraps them. What
+    is indented, as a list is, keeps its lines.
+    """
+    return re.sub(r"(?<=\S)\n(?=\S)", " ", text)
 
 
 def _report_problem(problem: str, code: int, *, json: bool) -> int:

@@ -127,7 +127,7 @@ def tell_problem(problem: object, form: Format) -> None:
 @contextmanager
 def problems(form: Format) -> Iterator[None]:
     """Turn what goes wrong into words on standard error and the exit code of its kind
-    (docs/roco.md).
+    (docs/errors.md).
     """
     try:
         yield

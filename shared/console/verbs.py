@@ -61,15 +61,26 @@ VERBS: Table = {
         "view": (".fleet.view:view", "Look at a running fleet or at a recorded run in Rerun."),
         "top": (
             ".terminal.top:top",
-            "Show agents and channels, and the task and the plan's present state, on a live"
-            " screen.",
+            "Show agents, channels, the task and the state of its plan on a live screen.",
+        ),
+        "mcp": (
+            ".fleet.assistants:mcp",
+            "Offer a running fleet's tools to an assistant that speaks MCP.",
+        ),
+        "a2a": (
+            ".fleet.other_agents:a2a",
+            "Offer a running fleet's skills to other agents that speak A2A.",
+        ),
+        "fipa": (
+            ".fleet.platforms:fipa",
+            "Let agents of other FIPA platforms, such as JADE, talk with a running fleet.",
         ),
         "doctor": (
             ".fleet.checkup:doctor",
             "Check machine, installation and fleet: what is wrong, why, and what to do.",
         ),
     },
-    "What is said": {
+    "Traffic": {
         "traffic": (GROUP, "The traffic of a run."),
         "traffic echo": (".traffic.echo:echo", "Print a line for each communicate."),
         "traffic stats": (
@@ -78,8 +89,7 @@ VERBS: Table = {
         ),
         "sniff": (
             ".traffic.echo:sniff",
-            "Draw a sequence diagram of what is said as it goes by, with a lifeline for every"
-            " agent.",
+            "Draw a live sequence diagram of the traffic, with a lifeline for each agent.",
         ),
         "record": (
             ".traffic.record:record",
@@ -95,7 +105,7 @@ VERBS: Table = {
         ),
         "replay": (
             ".traffic.replay:replay",
-            "Say again what a recording holds, with its timing, where no robot hears it.",
+            "Replay a recording, with its timing, on a private router that no robot listens to.",
         ),
         "traffic judge": (
             ".traffic.judge:judge",
@@ -114,10 +124,10 @@ VERBS: Table = {
             "Show which communicate of a task caused which, across all agents, as a tree with"
             " times.",
         ),
-        "why": (".traffic.trace:why", "Say why a task went as it did, from what is recorded."),
+        "why": (".traffic.trace:why", "Tell why a task went as it did, from what is recorded."),
         "send": (
             ".traffic.send:send",
-            "Be an agent: say one communicate to the running fleet, and print what comes back.",
+            "Send one communicate as an agent, and print the replies.",
         ),
         "acl": (GROUP, "Messages of other FIPA platforms, in their text (SC00070I)."),
         "acl show": (".traffic.acl:show", "Show what a message says."),
@@ -125,7 +135,7 @@ VERBS: Table = {
     "Faults, on purpose": {
         "fault": (
             ".faults.verbs:fault",
-            "Do a fault to a process of a running fleet; it is recorded, and healed at its end.",
+            "Do a fault to a process of a running fleet, record it, and heal it at its end.",
         ),
         "fault run": (
             ".faults.verbs:run",
@@ -139,7 +149,7 @@ VERBS: Table = {
             " and judge each whole history.",
         ),
     },
-    "Runs reported, repeated, compared": {
+    "Runs": {
         "runs": (
             ".runs.catalogue:runs",
             "List the runs that were kept: begin, duration, size on disk, system, result.",
@@ -150,20 +160,24 @@ VERBS: Table = {
         ),
         "export": (
             ".runs.report:export",
-            "Write what a recording holds as tables: communicates, events, telemetry.",
+            "Write what a recording holds for other tools: tables, or a rosbag2 of ROS 2.",
         ),
         "compare": (
             ".runs.report:compare",
             "Compare two sets of runs: success, latency, energy, traffic.",
         ),
-        "experiment": (GROUP, "Runs repeated, and how they differ."),
+        "experiment": (GROUP, "Repeat runs, and see how they differ."),
         "experiment run": (
             ".runs.experiment:run",
-            "Bring a fresh fleet up for some seconds, again and again; report.html, .json and .md.",
+            "Repeat runs of a fresh fleet, and write report.html, .json and .md.",
         ),
     },
     "The design": {
         "design": (GROUP, "The design: checked, shown, proven."),
+        "design asyncapi": (
+            ".design.asyncapi:asyncapi",
+            "Write the messages of a design as an AsyncAPI 3.0 document (JSON).",
+        ),
         "design check": (
             ".design.check:check",
             "Check a design: steps, channels, messages both ways, interfaces.",

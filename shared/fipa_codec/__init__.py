@@ -3,6 +3,7 @@
 The names below are what most programs need. Further modules, each a part of the public interface:
 
 - `acl_string`: FIPA ACL messages as text (SC00070I), to and from communicates
+- `envelope`: what platforms post to each other, envelope and message (SC00084, SC00085)
 - `protocols`: FIPA's interaction protocols and their states, by constant
 - `tables`: protocols of your own; `exploration`: exhaustive check of a protocol's two roles
 - `acts`, `expressions`, `proxying`: contents as FIPA defines them, brokering and recruiting

@@ -11,12 +11,14 @@ passed by the caller as `kind` (from `Languages.read` for received messages, fro
 for outgoing ones).
 """
 
+from contextlib import suppress
 from enum import StrEnum
 from functools import lru_cache
 from typing import Self
 
 import msgspec
 
+from fipa_codec import deadlines
 from fipa_codec.communicate import LABEL, WORD, Communicate, check_text, is_label, is_word
 from fipa_codec.errors import LocalProtocolError, RemoteProtocolError
 from fipa_codec.languages import Kind
@@ -87,9 +89,8 @@ subscription nobody answers an older one.
 class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """One side of a conversation (m_c = `id`): that of agent `me` in `role`.
 
-    `deadline`: reply-by of the last message that waits for an answer, of either side [unix s], or
-    None. It applies to the next message only: after an agree there is none unless a message sets
-    one (SC00061G). The deadline of a cancel applies until the cancel is answered. `asked`: m_w of
+    `due`: the answers that are due, of either side, and their deadlines (`deadlines.py`, SC00061G):
+    the answer to the cancel has one of its own. `asked`: m_w of
     the opening. `cancel`: m_w of the pending cancel, "" if there is none or it has none.
     `unconfirmed`: m_w and kind of the messages not yet confirmed, oldest first. `past`: m_w of
     earlier rounds, and of cancels that failed without ending the conversation, but for that of the
@@ -103,7 +104,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     me: str
     peer: str
     state: str = START
-    deadline: float | None = None
+    due: deadlines.Due = ()
     asked: str = ""
     cancel: str = ""
     unconfirmed: tuple[tuple[str, Kind], ...] = ()
@@ -171,11 +172,48 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         """
         return self.state in named(self.protocol).tables[self.role].urgent
 
-    def late(self, now: float) -> bool:
-        """Whether the deadline has passed at `now` [unix s]; equal is in time, no deadline never
-        passes (SC00061G).
+    @property
+    def deadline(self) -> float | None:
+        """Until when the newest question of either side is to be answered [unix s]; None: at any
+        time.
         """
-        return self.deadline is not None and now > self.deadline
+        return self.due[-1].by if self.due and not self.ended else None
+
+    def late(self, now: float, communicate: Communicate | None = None, kind: Kind = _PLAIN) -> bool:
+        """Whether the deadline has passed at `now` [unix s]: that of a message before it is
+        received, or after `send` made it from this conversation; without one, that of the newest
+        question.
+
+        Equal is in time, no deadline never passes (SC00061G). `kind` as for `receive` and `send`. A
+        message out of sequence answers nothing, so it is not late.
+        """
+        until = self.deadline if communicate is None else self._deadline(communicate, kind)
+        return until is not None and now > until
+
+    def _deadline(self, communicate: Communicate, kind: Kind) -> float | None:
+        if not self.due:
+            return None
+        way = SEND if communicate.sender == self.me else RECEIVE
+        word = self._word(way, communicate, kind)
+        found = deadlines.answered(self.due, named(self.protocol), word)
+        return None if found is None else found.by
+
+    def _word(self, way: Way, communicate: Communicate, kind: Kind) -> deadlines.Word:
+        """A message in this state, as the rule of deadlines sees it; `kind` by its language."""
+        performative, reply_to = communicate.performative, communicate.in_reply_to
+        if performative is _ACT_NOT_UNDERSTOOD:
+            kind = _OF_CANCEL if reply_to and reply_to == self.cancel else _PLAIN
+        elif performative is not _CONFIRM:
+            with suppress(LocalProtocolError):  # it is out of sequence: `receive` says why
+                kind = self.kind_of(performative, reply_to, kind)
+        return deadlines.Word(
+            self.role if way is SEND else self.role.other,
+            performative,
+            (kind,),
+            communicate.reply_with,
+            reply_to,
+            again=self.state != START and needs(named(self.protocol), performative) is _SAME,
+        )
 
     def allowed(self, way: Way) -> tuple[str, ...]:
         """The messages that this side may send, or must accept, in this state, as words for
@@ -207,14 +245,14 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         """
         self._require_mine(communicate)
         if self.state == NOT_UNDERSTOOD:
-            return self
+            return self._ended_by_not_understood(RECEIVE, communicate, kind)
         performative, reply_to = communicate.performative, communicate.in_reply_to
         if type(performative) is not Performative:
             raise LocalProtocolError(
                 "performative", f"is {performative!r}, must be a Performative; decode() gives one"
             )
         if performative is _ACT_NOT_UNDERSTOOD:
-            return self._after_not_understood(RECEIVE, reply_to)
+            return self._after_not_understood(RECEIVE, communicate)
         protocol = named(self.protocol)
         table = protocol.tables[self.role]
         if self.state in table.urgent:
@@ -230,7 +268,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             self._require_labels(need, RECEIVE, performative, communicate.reply_with, reply_to)
         except LocalProtocolError as error:
             raise RemoteProtocolError(error.field, error.reason) from None
-        return self._after(table, row, need, communicate)
+        return self._after(row, need, communicate)
 
     def send(
         self,
@@ -289,10 +327,10 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                     f"{self._here} has ended; drop what came, or two agents answer each other for"
                     " ever",
                 )
-            return self._after_not_understood(SEND, reply_to), communicate
+            return self._after_not_understood(SEND, communicate), communicate
         row = self._row(table, SEND, performative, self.kind_of(performative, reply_to, kind))
         self._require_labels(need, SEND, performative, communicate.reply_with, reply_to)
-        return self._after(table, row, need, communicate), communicate
+        return self._after(row, need, communicate), communicate
 
     @property
     def _here(self) -> str:
@@ -435,7 +473,7 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
             find(self.state, SEND, performative, _OF_CANCEL)
         )
 
-    def _after(self, table: Table, row: Row, need: Needs, communicate: Communicate) -> Self:
+    def _after(self, row: Row, need: Needs, communicate: Communicate) -> Self:
         performative, label = communicate.performative, communicate.reply_with
         unconfirmed = self.unconfirmed
         if need is _ANY:
@@ -445,9 +483,8 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
                 entry for entry in unconfirmed if entry[0] != communicate.in_reply_to
             )
         opens = need is _NEW or (need is _SAME and self.state == START)
-        state, deadline = str(row.to), None if row.to in table.ended else communicate.reply_by
-        if deadline is None and row.to not in table.ended:
-            deadline = self._next_deadline(row)
+        state = str(row.to)
+        due = self._due_after(row, communicate)
         heard = self.heard
         if opens:
             heard = ()  # those of an earlier round
@@ -456,11 +493,11 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         plain = row.kind is not _OF_CANCEL and performative is not _CANCEL and heard is self.heard
         if plain and unconfirmed is self.unconfirmed and not (opens and self.asked):
             asked = label if opens else self.asked
-            return msgspec.structs.replace(self, state=state, deadline=deadline, asked=asked)
+            return msgspec.structs.replace(self, state=state, due=due, asked=asked)
         return msgspec.structs.replace(
             self,
             state=state,
-            deadline=deadline,
+            due=due,
             asked=label if opens else self.asked,
             cancel=label if performative is _CANCEL else self._cancel_after(row),
             unconfirmed=unconfirmed,
@@ -480,29 +517,38 @@ class Conversation(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
         over = self.cancel if self._cancel_after(row) != self.cancel else ""
         return (*self.past, over) if over and over != self.asked else self.past
 
-    def _next_deadline(self, row: Row) -> float | None:
-        """The deadline after a message without reply-by.
+    def _due_after(self, row: Row, communicate: Communicate) -> deadlines.Due:
+        if not self.due and communicate.reply_by is None:  # the usual case
+            return self.due
+        word = self._word(row.way, communicate, row.kind)
+        return deadlines.after(self.due, named(self.protocol), word, communicate.reply_by)
 
-        An answer clears it. A repetition, and a message that crosses the cancel, is not an answer.
+    def _ended_by_not_understood(self, way: Way, communicate: Communicate, kind: Kind) -> Self:
+        """After the message that ends it, and after one that was on its way then: what its sender
+        says next answers no question.
         """
-        cancelling = bool(self.cancel) and self.role is _INITIATOR and row.kind is not _OF_CANCEL
-        repeats = row.way is SEND and row.to == self.state
-        return self.deadline if cancelling or repeats else None
+        due, word = self.due, self._word(way, communicate, kind)
+        if due:
+            due = deadlines.after(due, named(self.protocol), word, None)
+        return msgspec.structs.replace(self, state=NOT_UNDERSTOOD, due=due, unconfirmed=())
 
-    def _after_not_understood(self, way: Way, reply_to: str) -> Self:
+    def _after_not_understood(self, way: Way, communicate: Communicate) -> Self:
         """Apply the rule outside the tables: it ends the conversation; in reply to a cancel, only
         the cancel fails.
         """
         if self.ended:
             return self
-        if reply_to and reply_to == self.cancel:
+        if communicate.in_reply_to and communicate.in_reply_to == self.cancel:
             row = self.table.find(self.state, way, _FAILURE, _OF_CANCEL)
             if row is not None:
-                cancel, past = self._cancel_after(row), self._past_after(row, opens=False)
                 return msgspec.structs.replace(
-                    self, state=str(row.to), deadline=None, cancel=cancel, past=past
+                    self,
+                    state=str(row.to),
+                    due=self._due_after(row, communicate),
+                    cancel=self._cancel_after(row),
+                    past=self._past_after(row, opens=False),
                 )
-        return msgspec.structs.replace(self, state=NOT_UNDERSTOOD, deadline=None, unconfirmed=())
+        return self._ended_by_not_understood(way, communicate, _PLAIN)
 
 
 def _act(performative: Performative | str) -> Performative:

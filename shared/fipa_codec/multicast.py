@@ -86,7 +86,7 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
         The conversation with that participant has ended, the others go on, as in JADE.
         Raise LocalProtocolError if there is no such participant.
         """
-        gone = msgspec.structs.replace(self.talk(peer), state=NOT_UNDERSTOOD, deadline=None)
+        gone = msgspec.structs.replace(self.talk(peer), state=NOT_UNDERSTOOD, due=())
         talks = tuple(gone if one.peer == peer else one for one in self.talks)
         return msgspec.structs.replace(self, talks=talks)
 
@@ -125,23 +125,31 @@ class Multicast(msgspec.Struct, frozen=True, omit_defaults=True):
     def over(self, now: float) -> bool:
         """Whether nobody is to be waited for at `now` [unix s].
 
-        Each conversation has ended, or its reply-by passed without an answer. Without a reply-by a
-        silent participant is waited for without end. A silent one may still answer: its proposal is
-        then among `rejections`.
+        Each conversation has ended, or the reply-by of its call or its award passed without an
+        answer. Without a reply-by a silent participant is waited for without end. A silent one may
+        still answer: its proposal is then among `rejections`.
         """
-        return all(talk.ended or (self._unanswered(talk) and talk.late(now)) for talk in self.talks)
+        return all(
+            talk.ended
+            or ((self._unanswered(talk) or talk.state == State.AWARDED) and talk.late(now))
+            for talk in self.talks
+        )
 
     def outcome(self, peer: str, now: float) -> str:
         """The final state with a participant at `now` [unix s], "" while the conversation is open.
 
         A participant that had not answered at reply-by counts as refused in a contract net and as
         failed elsewhere, whatever it sends later; the initiator must cancel a subscription or an
-        act that was agreed too late. SC00029H only says that late proposals are rejected; the rest
-        is a decision of this project. Raise LocalProtocolError if there is no such participant.
+        act that was agreed too late. One that did not report by the reply-by of its award counts as
+        failed until it does: cancel what it may still do. SC00029H only says that late proposals
+        are rejected; the rest is a decision of this project. Raise LocalProtocolError if there is
+        no such participant.
         """
         talk = self.talk(peer)
         if peer in self.late or (self._unanswered(talk) and talk.late(now)):
             return State.REFUSED if self._contract else State.FAILED
+        if talk.state == State.AWARDED and talk.late(now):
+            return State.FAILED
         return talk.state if talk.ended else ""
 
     # --- messages to send -------------------------------------------------------------------------

@@ -8,7 +8,7 @@ and the services find it once, by `of_run` or `here`. A project names its own in
     system = "depot.system:SYSTEM"
 
 An installed one is named by an entry point of the group `roco.system`.
-docs/design-your-own-robot.md shows both. Code of a project is imported only where nobody but the
+docs/architecture.md has the order. Code of a project is imported only where nobody but the
 caller and root can change it (`changeable`).
 """
 
@@ -245,7 +245,10 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     of it and why, and further Passages of `roco why`;
     `believed`: one of a Run, a name and a time [s, None: the end] that gives what is believed of a
     thing of that name, as a Why, or None where there is none. `faults`: kind of a fault that its
-    own verbs do -> console.faults.kinds.Kind, which heals one whose command is gone.
+    own verbs do -> console.faults.kinds.Kind, which heals one whose command is gone. `ros`: a class
+    without arguments with `take(happening)`, which gives further messages for ROS
+    (operate.ros.telling.More). `guests`: a function of an operate.guests.hosting.Host that gives
+    the Extra for programs that are guests.
     """
 
     verbs: str = ""
@@ -266,6 +269,8 @@ class Additions(msgspec.Struct, frozen=True, kw_only=True):
     why: str = ""
     believed: str = ""
     faults: str = ""
+    ros: str = ""
+    guests: str = ""
 
 
 class System(msgspec.Struct, frozen=True, kw_only=True):

@@ -18,6 +18,14 @@ from topdown.judge import follow
 from topdown.judge.verdicts import Judgement, Verdict
 from topdown.model.design import Design
 
+LEVELS = {
+    Verdict.LEGAL: "INFO",
+    Verdict.SLOW: "WARN",
+    Verdict.COPY: "DEBUG",
+    Verdict.NOT_JUDGED: "DEBUG",
+}
+"""Of a line of the log; verdicts that are not named here are against the design: ERROR."""
+
 
 class Judged(msgspec.Struct, frozen=True, omit_defaults=True):
     """One line of verdicts.jsonl, written by the monitor: a communicate as it was judged

@@ -70,7 +70,6 @@ def test_a_revoked_key_is_of_no_use_and_all_others_go_on(router: Fleet, peer: Pe
 
     assert "revoked are none" in roco("keys", "revoke", "hi", "--undo", "--keys", folder)
     wait_for(lambda: answered(thief), "its rights are back")
-    thief.close()
 
 
 def test_new_keys_for_all_end_a_revocation(router: Fleet) -> None:
@@ -86,7 +85,7 @@ def test_new_keys_for_all_end_a_revocation(router: Fleet) -> None:
 def test_names_that_no_certificate_has_are_refused(router: Fleet) -> None:
     """With those that there are; and a folder without a router's keys."""
     for name, folder, why in (
-        ("nobody", KEYS_FOLDER, "no certificate is named 'nobody'; there are co, console"),
+        ("nobody", KEYS_FOLDER, "no certificate is named 'nobody'; there are assistant, bidder"),
         ("hi", "steps", "rights.json"),
     ):
         assert why in roco("keys", "revoke", name, "--keys", str(router.run / folder), code=2)

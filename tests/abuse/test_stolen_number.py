@@ -58,15 +58,28 @@ def seeing(router: Fleet, life: int) -> Hi:
     return Hi(msgspec.json.decode((router.run / HI_FILE).read_bytes(), type=HiAddress))
 
 
-def looks(router: Fleet, hi: Hi) -> str:
-    """co takes the request of a person's task, and hi has its answer; its name."""
-    task = hi.say("look around").task
-
-    def known(name: str) -> bool:
-        return any(line["conversation"] == task for line in logged(router, name, "received"))
-
-    router.wait(lambda: known("co") and known("hi"), "co has hi's task")
+def looks(router: Fleet, hi: Hi, times: int = 1) -> str:
+    """co takes the request of a person's task, and hi has its answer; its name. `times`: how often
+    the person says it, as hi asks for, where co does not know whether it has it.
+    """
+    for last in (*(times - 1) * (False,), True):
+        task = hi.say("look around").task
+        if _taken(router, task, last=last):
+            break
     return task
+
+
+def _taken(router: Fleet, task: str, *, last: bool) -> bool:
+    """Whether co takes it and hi has the answer. Only the `last` one may not be given up."""
+
+    def known(name: str, event: str) -> bool:
+        return any(line["conversation"] == task for line in logged(router, name, event))
+
+    def taken() -> bool:
+        return known("co", "received") and known("hi", "received")
+
+    router.wait(lambda: taken() or (not last and known("hi", "broken")), "co has hi's task")
+    return taken()
 
 
 @pytest.mark.parametrize("stolen", [1, 40], ids=["one number", "more than co remembers"])
@@ -85,7 +98,6 @@ def test_words_under_his_next_numbers_do_not_lose_his_task(
     wait_for(lambda: router.beat("hi").counts.get(TOLD) == stolen, "hi has all receipts")
     looks(router, hi)
     assert record(router, "co").taken["hi"] == stolen + 1
-    thief.close()
 
 
 @pytest.mark.usefixtures("hi")
@@ -104,19 +116,21 @@ def test_words_said_while_he_was_away_do_not_lose_his_task(router: Fleet) -> Non
     assert "is said again as 3" in logged(router, "hi", TOLD)[0]["why"]
     received = [line["conversation"] for line in logged(router, "co", "received")]
     assert received.count(task) == 1
-    thief.close()
 
 
 def test_whoever_always_says_the_next_number_does_not_keep_him_out(router: Fleet, hi: Hi) -> None:
-    """The thief needs no disk and answers each receipt at once: hi's numbers pass it."""
+    """The thief needs no disk and answers each receipt at once: hi's numbers pass it.
+
+    Where the thief said so much that co does not know hi's first word any more, hi asks the person
+    to say it again; its numbers lie farther on each time.
+    """
     thief = Thief(router)
     thief.hears(
         "_/receipt/co/hi", lambda data: thief.says(msgspec.msgpack.decode(data)["taken"] + 1)
     )
     thief.says(1)
     wait_for(lambda: record(router, "co").taken.get("hi", 0) > 20, "the thief goes on and on")
-    looks(router, hi)
-    thief.close()
+    looks(router, hi, times=4)
 
 
 def test_a_life_of_another_journal_does_not_keep_him_out(router: Fleet, hi: Hi) -> None:
@@ -128,4 +142,3 @@ def test_a_life_of_another_journal_does_not_keep_him_out(router: Fleet, hi: Hi) 
     looks(router, hi)
     assert record(router, "co").journals["hi"] == record(router, "hi").journal
     assert not logged(router, "co", "lost its memory")
-    thief.close()

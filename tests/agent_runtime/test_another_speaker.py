@@ -2,6 +2,7 @@
 is kept.
 """
 
+from itertools import pairwise
 from typing import Any
 
 import msgspec
@@ -12,7 +13,7 @@ from toy_agents import Want, asker, wirings
 from agent_runtime.core import streams
 from agent_runtime.core.events import Arrived, Broken, Effects, Local, PeerChanged, Receipted
 from agent_runtime.core.state import restored
-from agent_runtime.core.streams import JUMP, KEPT, digest_of, preceding
+from agent_runtime.core.streams import JUMP, KEPT, digest_of, next_id, preceding
 from fipa_codec.communicate import decode, encode
 from fipa_codec.performatives import Performative as P
 
@@ -102,6 +103,18 @@ def test_a_word_is_not_taken_before_the_one_it_follows() -> None:
         assert getattr(handled, "conversation", None) == taken
 
 
+def test_a_word_may_follow_one_that_waits() -> None:
+    """The next number alone is not enough: a thief may have said what is before it."""
+    one = serving(said=agree, takes=lambda memory, event: False)
+    waiting = [request(1)]
+    one.step(of(waiting[0]))
+    for number, before, waits in ((2, b"a thief's", False), (2, b"", True), (3, b"", True)):
+        event = request(number, conversation=f"c-{number}")
+        one.step(of(event, before or digest_of(waiting[-1].communicate)))
+        waiting += [event] if waits else []
+        assert [held.number for held in one.state.soft.inbox] == list(range(1, len(waiting) + 1))
+
+
 @pytest.mark.parametrize(("farther", "taken"), [(1, True), (JUMP, True), (JUMP + 1, False)])
 def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None:
     """A number too far on is refused, with the number that the stream is at; test programs' words
@@ -111,9 +124,8 @@ def test_numbers_may_be_left_out_but_not_many(farther: int, taken: bool) -> None
     far = request(1 + farther, conversation="b")
     effects = one.step(of(far))
     assert (effects.handled is not None) == taken
-    assert [receipt.refused for receipt in effects.receipts] == [
-        b"" if taken else digest_of(far.communicate)
-    ]
+    refused = [(receipt.refused, receipt.unknown) for receipt in effects.receipts]
+    assert refused == [(b"" if taken else digest_of(far.communicate), False)]
     stranger = serving(said=agree)
     assert (stranger.step(far).handled is not None) == (farther == 1)
 
@@ -226,6 +238,20 @@ def test_where_it_is_not_known_the_conversation_is_lost_and_the_behaviour_told()
     assert any(isinstance(event, Broken) and "does not know" in event.reason for event in seen)
     assert told(effects)
     assert all(number > 40 for number in outbox(one)), "the asker asks anew"
+
+
+def test_what_is_said_after_a_word_that_was_given_up_lies_farther_on_each_time() -> None:
+    """By a factor: a thief who goes on meanwhile is passed after a few. Once one is taken, the
+    numbers follow each other again.
+    """
+    one, ahead = asking(5), []
+    for taken in (100, 1000, 10_000):
+        one.step(receipted(taken, refused=word(one), unknown=True))
+        ahead.append(outbox(one)[0] - taken)
+    assert all(after >= 10 * before > 1 for before, after in pairwise(ahead)), ahead
+    assert ahead[-1] <= JUMP
+    one.step(receipted(outbox(one)[-1], word(one)))
+    assert next_id(one.state, "server", durable=True) == str(one.state.issued["server"] + 1)
 
 
 def test_each_word_says_which_one_it_follows() -> None:

@@ -263,6 +263,14 @@ class Strict:
         """Whether a row names it."""
         return act is P.REQUEST
 
+    def own(self, state: str) -> tuple[str, ...]:
+        """What its own side may say."""
+        return ()
+
+    def ends_wait(self, use: str) -> bool:
+        """Whether a row ends a wait."""
+        return False
+
     def why_not(self, deed: Deed) -> str:
         """Return why it is outside the design."""
         self.asked.append(deed)

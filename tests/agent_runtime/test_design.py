@@ -11,6 +11,7 @@ from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.events import Arrived, Started
 from agent_runtime.core.step import Core
 from agent_runtime.core.turn import Turn
+from agent_runtime.core.wiring import communicate_key
 from companion.design import DESIGN, LANGUAGES, wiring
 from companion.languages import hfsm, wm
 from companion.tasks.look_around.command import LookAround
@@ -30,7 +31,10 @@ def test_keys_are_those_of_the_design(name: str) -> None:
     """Each message of the design is put on the design's key, and its receiver listens there."""
     mine = wiring(name, "velma")
     for rule in DESIGN.rules.values():
-        if rule.sender == name:
+        if rule.sender == name and (channel := mine.guests.get(rule.receiver)):
+            of = (rule.receiver, rule.protocol, rule.performative)
+            assert communicate_key("velma", channel, name, *of) == DESIGN.key_of("velma", rule)
+        elif rule.sender == name:
             message = Communicate(
                 performative=rule.performative,
                 protocol=rule.protocol,

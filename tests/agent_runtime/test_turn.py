@@ -126,7 +126,7 @@ def test_what_is_past_and_not_taken_asks_for_no_tick() -> None:
 def test_late_comes_for_a_conversation_that_was_joined_with_a_peer(peer: str, late: int) -> None:
     """At its deadline; with whoever answers there is none."""
     talk = Conversation.open("request", Role.INITIATOR, id="x-1", me="asker", peer=peer)
-    talk = replace(talk, deadline=103.0)
+    talk, _ = talk.send(P.REQUEST, id="1", now=100.0, reply_by=103.0)
     said = lambda turn: isinstance(turn.event, Local) and turn.join(talk)  # noqa: E731
     one = Driven(recording(said=said, name="asker"), TO_SERVER)
     one.step(Local(Want(1)))

@@ -79,6 +79,7 @@ def test_what_is_no_communicate_travels_on_the_key_of_the_design():
         key = service_key("lab", signal.kind, "ta", *rest)
         assert DESIGN.signal_key(signal.kind, system="lab", **names) == key
     runtime = {"alive", "receipt", "ping", "pong", "state", "control", "want", "steps"}
+    runtime |= {"missed", "resaid"}
     assert set(DESIGN.signals) == runtime | {"telemetry", "truth", "watch", "frame"}
 
 

@@ -13,8 +13,12 @@ from rdflib.namespace import OWL
 
 from companion.design import DESIGN, WM
 from companion.languages.values import Box, Cylinder, Pose
-from companion.models import CLOSINGS, GRASPS, HANDLE, LYING, MODELS, REACH, fitting
+from companion.models import CLOSINGS, GRASPS, HANDLE, LYING, MODELS, REACH, fitting, looked_into
+from companion.skills.motions import aim
+from velma import names
+from velma.eyes.content import LOW_RISE, rise
 from velma.kinematics.frames import lies
+from velma.kinematics.robot import Robot
 
 
 def turned(pose, v):
@@ -203,3 +207,18 @@ def test_our_top_classes_stand_below_foreign_ones(graph):
     for term in graph.subjects(RDF.type, OWL.Class):
         above = set(graph.objects(term, RDFS.subClassOf))
         assert above, term
+
+
+@given(
+    st.floats(names.LOWER[names.TORSO], names.UPPER[names.TORSO]),
+    st.floats(-1.2, 1.2),
+    st.floats(0.55, 1.1),
+    st.floats(0.7, 1.6),
+)
+def test_the_eyes_look_into_what_stands_low(torso, around, away, height):
+    """As the camera does that is turned to it, but for two degrees."""
+    point = np.array([away * math.cos(around), away * math.sin(around), height])
+    head = aim(torso, point)
+    above = rise(Robot().camera(torso, head.pan, head.tilt).translation, point[None, :])
+    if abs(above - LOW_RISE) > math.radians(2.0):
+        assert looked_into(*point) == (above > LOW_RISE)

@@ -62,6 +62,8 @@ stob it|stob it stob it|sotp please robot|stopit|stopnow|pleasestop|stopstop|sta
 stój stój!
 swtop that|my hand is caught|when I say stop I mean it|stop by the table
 I want that to stop, never mind
+it'll spill|it'll break|that'll do|that will do, thank you|that's plenty|half a mo
+it's going everywhere|don't bother me|I fell|sypiesz obok|leci na podłogę|nie mogę się ruszyć
 """
 NO_STOPS = """
 take the jar|pour the content of the jar into the bowl|put down the jar|put the jar on the table
@@ -96,6 +98,9 @@ nie spiesz się|nie zapomnij o misce|nie przestawaj|nie ma pośpiechu|nie mogę 
 nie bój się
 nie mam siły|nie ma słoika na stole|nie mogę znaleźć miski|strasznie mi miło|swop hands velma
 the top|gdzie stoi słoik
+don't bother with it|mind passing me the jar|how do you feel?|what made you stop|the lid's stuck
+help me find the jar|I don't need it any more|the table can wait|nie zatrzymuj się|nie sięgam
+nie mogłabyś podać słoika|nie widziałaś miski|pomóż mi posprzątać|czemu nic nie robisz
 """
 
 

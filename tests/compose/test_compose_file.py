@@ -2,7 +2,10 @@
 supervisor's.
 """
 
+import os
 import re
+import shutil
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -297,3 +300,49 @@ def test_the_proxy_is_guarded_as_every_service():
     }
     assert WIRES["volumes"] == ["wires:/var/lib/roco"]
     assert WIRES["healthcheck"] == like["healthcheck"] | {"test": ["CMD", "healthy", "wires"]}
+
+
+# --- compose.fipa.yaml: the gateway to other FIPA platforms ---------------------------------------
+
+
+FIPA = yaml.safe_load((ROOT / "deploy/compose.fipa.yaml").read_text())["services"]
+
+
+def test_the_gateway_to_other_platforms_is_guarded_as_every_service_and_off_by_default():
+    """It has the keys of the guest alone, and takes messages on its own loopback."""
+    assert list(FIPA) == ["fipa"]
+    assert "fipa" not in FILE["services"]
+    like, gateway = FILE["services"]["co"], FIPA["fipa"]
+    assert {key: value for key, value in gateway.items() if key not in OWN} == {
+        key: value for key, value in like.items() if key not in OWN
+    }
+    assert gateway["volumes"] == ["fipa:/var/lib/roco", "keys-platform:/var/lib/roco-keys:ro"]
+    assert gateway["command"] == "console fipa --at 127.0.0.1:8372 ${ROCO_FIPA:-}"
+    assert not gateway.get("ports")
+    assert gateway["environment"].items() <= like["environment"].items()
+    assert gateway["healthcheck"] == like["healthcheck"] | {"test": ["CMD", "healthy", "fipa"]}
+    assert "console.fleet.platforms" in DOCKERFILE.split(" AS agent\n")[1].split("\nFROM ")[0]
+
+
+COMPOSE = shutil.which("docker-compose")
+
+
+@pytest.mark.skipif(not COMPOSE, reason="needs docker-compose (Debian: apt install docker-compose)")
+@pytest.mark.parametrize("over", ["compose.fipa.yaml", "compose.rt.yaml", "compose.two.yaml"])
+def test_compose_takes_the_files_together(over):
+    """Of version 1, too; the options of the gateway are words of its command."""
+    files = [word for name in ("compose.yaml", over) for word in ("-f", f"{ROOT}/deploy/{name}")]
+    done = subprocess.run(
+        [str(COMPOSE), *files, "config"],
+        capture_output=True,
+        text=True,
+        timeout=60.0,
+        check=False,
+        env=os.environ | {"ROCO_FIPA": "--agreed --df df@lab=http://127.0.0.1:7778/acc"},
+    )
+    assert done.returncode == 0, done.stderr
+    made = yaml.safe_load(done.stdout)["services"]
+    if over == "compose.fipa.yaml":
+        command = made["fipa"]["command"]
+        words = command.split() if isinstance(command, str) else command
+        assert words[4:] == ["--agreed", "--df", "df@lab=http://127.0.0.1:7778/acc"]

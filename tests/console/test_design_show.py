@@ -16,7 +16,7 @@ from companion.design import DESIGN
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import FIPA, PAPER
-from fipa_codec.tables import Protocol, Role, Row, Table, Way, known
+from fipa_codec.tables import START, Protocol, Role, Row, Table, Way, known
 from topdown.draw import book
 from topdown.draw.document import Grid
 from topdown.scaffold import smallest
@@ -250,6 +250,21 @@ def test_the_list_names_each_once_with_whose_rules_it_has() -> None:
     assert of_origin("FIPA") - of_origin("FIPA and") == {p.name for p in set(FIPA) - set(PAPER)}
     assert of_origin("the paper") == {p.name for p in set(PAPER) - set(FIPA)}
     assert of_origin("the design") == set(DESIGN.own_tables)
+
+
+def test_states_are_those_that_guards_may_name() -> None:
+    """Of both roles of every protocol, or of one: while the conversation is open, and when it is
+    over.
+    """
+    listed = printed("protocol", "--states")
+    assert sorted({one["protocol"] for one in listed}) == names()
+    for one in listed:
+        table = of(one["protocol"]).tables[Role(one["role"])]
+        assert set(one["over"]) == table.ended
+        assert {*one["open"], *one["over"], START} == {*table.states, START}
+        assert set(one["open"]).isdisjoint({*one["over"], START})
+    assert {one["protocol"] for one in printed("protocol", "cfp", "--states")} == {"cfp"}
+    assert protocol("cfp", "--states", "--svg", "cfp.svg").exit_code == 2
 
 
 def test_an_alias_means_the_same() -> None:

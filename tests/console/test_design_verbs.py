@@ -8,6 +8,7 @@ import pytest
 from calling import printed, roco
 
 from companion.design import FILE
+from topdown.model.schema import schema
 
 TESTS = Path(__file__).resolve().parents[1]
 PRINTED = TESTS / "topdown/paper_as_printed.toml"
@@ -29,7 +30,7 @@ def test_a_sound_design_exits_with_0(file: tuple[Path, ...]) -> None:
 def test_findings_exit_with_1_and_have_file_and_line() -> None:
     """As compilers write them."""
     done = design("check", PRINTED, code=1)
-    assert "paper_as_printed.toml:62: group never introduced" in done.output
+    assert "paper_as_printed.toml:64: group never introduced" in done.output
     assert "34 findings: " in done.output
 
 
@@ -85,6 +86,11 @@ def test_rulings_are_printed_where_they_are_wanted() -> None:
     assert "design.toml:" in done.output
     assert "ruling on protocol execute_plan" in done.output
     assert len(printed("design", "check", "--rulings")["rulings"]) > 20
+
+
+def test_the_schema_is_for_editors() -> None:
+    """Printed as JSON, without a design."""
+    assert json.loads(design("check", "--schema", code=0).stdout) == schema()
 
 
 def test_every_leaf_of_the_companion_has_evidence() -> None:

@@ -1,6 +1,7 @@
 """`roco design verify|follow|export`: what is printed, in both forms, and the exit codes."""
 
 import json
+import re
 import shutil
 from functools import partial
 from pathlib import Path
@@ -12,7 +13,7 @@ from typer.testing import Result
 
 from agent_runtime.io import steplog
 from companion.design import DESIGN, FILE
-from console.design.verify import TITLES
+from console.design.verify import TITLES, so_far
 from topdown.prove.net import promela
 from topdown.prove.pairs import net_of
 
@@ -60,6 +61,14 @@ def said(result: Result) -> str:
     return result.output + result.stderr
 
 
+def test_what_is_left_is_told_as_what_waits_at_the_rate_so_far() -> None:
+    """Not what nobody knows: how many states there are."""
+    assert so_far(5000, 1000, 2.0) == (
+        "5,000 states, 1,000 wait, at least 0 s more; 2,000/s, 2 s of processor"
+    )
+    assert so_far(5000, 5000, 0.0) == "5,000 states, 5,000 wait; 0/s, 0 s of processor"
+
+
 # --- verify ---------------------------------------------------------------------------------------
 
 
@@ -76,6 +85,7 @@ def test_a_design_that_holds_exits_with_0(lamp: Path) -> None:
     assert "any faults" in lines[1]
     assert "1 fault " in next(line for line in lines if "C1 switch" in line)
     assert "0 faults" in next(line for line in lines if "starting" in line)
+    assert re.search(r" states +[\d.]+ s +[\d.]+ s CPU  holds$", lines[1])
     assert "4 verdicts" in done.output
     assert "0 fail, 0 open" in done.output
     assert "Not proven by any layer:\n- several conversations" in done.output
@@ -92,7 +102,7 @@ def test_a_finding_exits_with_1_and_has_its_story(dark: Path) -> None:
     """The story tells which agent did what until the fault."""
     done = design("verify", dark, "--layer", 3, code=1)
     assert done.output.count("FAILS") == 2
-    assert "deadlock: nothing can happen any more, and not all is at rest" in done.output
+    assert "deadlock: lamp in idle: switch is asked, where only lamp can go on" in done.output
     assert "  1  o--switch request-->" in done.output
     assert "* person wish" in done.output
     assert "[idle; switch: asked]" in done.output
@@ -155,6 +165,28 @@ def test_who_may_die_for_good(lamp: Path) -> None:
     assert "lamp dies for good" in done.output
     assert "* dies for good" in done.output
     assert "1 fail, 0 open" in done.output
+
+
+def test_what_is_lost_with_each_agent(lamp: Path) -> None:
+    """`all` asks of each in turn; of the hand, whose wishes are the only ones, nothing is left to
+    be explored.
+    """
+    done = design("verify", lamp, "--layer", 3, "--gone", "all", "--faults", 0, code=1)
+    text = " ".join(done.output.split())
+    assert "hand dies for good" not in text
+    assert "- hand: R1 is lost; persons talk to it alone, so nobody is left whose wish" in text
+    assert "- lamp: R1 is lost; wishes of persons may never end" in text
+    assert "deadlock: hand in idle: switch is asked" in text
+    told = printed("design", "verify", lamp, "--layer", 3, "--gone", "all", "--faults", 0, code=1)
+    assert [(one["what"], one["lost"]) for one in told][-1] == (
+        "lamp dies for good",
+        {"whole": ["R1"], "part": []},
+    )
+    assert told[-1]["findings"][0]["causes"][0].startswith("hand in idle: switch is asked")
+    depot = TESTS.parent / "examples/depot/depot/design.toml"
+    rest = "mule: R3, R4, R5 are lost in part; the rest holds: every wish of a person still ends"
+    words = ("verify", depot, "--layer", 3, "--gone", "mule", "--faults", 0, "--skip-start")
+    assert rest in " ".join(design(*words, code=0).output.split())
 
 
 def test_the_start_may_be_left_out(lamp: Path) -> None:

@@ -19,8 +19,8 @@ from typer.testing import CliRunner
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
 from console.__main__ import app
-from console.errors import UsageError
-from console.faults import kinds
+from console.errors import FleetError, UsageError
+from console.faults import inflict, kinds, verbs
 from console.faults.moments import (
     After,
     Event,
@@ -32,6 +32,7 @@ from console.faults.moments import (
     parse,
 )
 from console.fleet.process_status import Look, Seen
+from console.output import Format
 from operate.fault_lines import Fault
 from operate.file_names import FAULTS_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
@@ -85,6 +86,103 @@ def test_a_pause_has_begun_when_the_process_is_stopped() -> None:
     kinds.KINDS["pause"].begin(fleet, pause)
     assert fleet.signals == [("ox", signal.SIGSTOP)]
     assert kinds.KINDS["pause"].over(kinds.now(fleet, pause), pause) == ""
+
+
+# --- A process that restarts is waited for at the moment of its fault. ----------------------------
+
+
+class Restarting:
+    """A fleet whose process has these states, a look each, and then runs."""
+
+    where = "runs/x"
+
+    def __init__(self, *states: ProcessState) -> None:
+        self.states, self.signals, self.noted = list(states), [], []
+
+    def signal(self, name: str, number: int) -> None:
+        """Note it."""
+        self.signals.append((name, number))
+
+    def add_fault(self, line: bytes) -> None:
+        """Note it."""
+        self.noted.append(line)
+
+    def look(self) -> Look:
+        """Return the process, or the one in its place after a signal."""
+        if self.states:
+            status, used = ProcessStatus("ox", self.states.pop(0)), None
+        else:
+            pid = PID + len(self.signals)
+            status = ProcessStatus("ox", ProcessState.READY, pid)
+            used = Used(0.0, 0, frozen=False, start=START)
+        return Look(None, (Seen(status, used=used),), stop_held=False, at=0.0)
+
+
+@pytest.mark.parametrize(
+    "state", [ProcessState.BACKING_OFF, ProcessState.STARTING, ProcessState.READY]
+)
+def test_a_process_that_restarts_is_hit_when_it_runs(state: ProcessState) -> None:
+    """That of another kill, for example; one that was killed counts as ready for a moment."""
+    fleet = Restarting(state, state, state)
+    fault = inflict.planned(fleet, "kill", "ox", "")
+    assert fault.pid == 0
+    ended = inflict.Inflicting(fleet, fault).run(lambda: None, 0.0, lambda text: None)
+    assert (ended.pid, ended.text) == (PID, "back")
+    assert fleet.signals == [("ox", signal.SIGKILL)]
+
+
+@pytest.mark.parametrize("state", [ProcessState.STOPPED, ProcessState.GIVEN_UP])
+def test_a_process_that_nobody_restarts_does_not_run(state: ProcessState) -> None:
+    """Neither at the order nor at the moment."""
+    with pytest.raises(FleetError, match="ox does not run in runs/x; `roco agent start ox`"):
+        inflict.planned(Restarting(state), "kill", "ox", "")
+    fleet = Restarting(ProcessState.READY, state)
+    fault = inflict.planned(fleet, "kill", "ox", "")
+    with pytest.raises(FleetError, match="ox does not run"):
+        inflict.Inflicting(fleet, fault).run(lambda: None, 0.0, lambda text: None)
+    assert fleet.signals == []
+
+
+# --- A repeated fault. ----------------------------------------------------------------------------
+
+
+def ended_after(began: float, lasted: float) -> Fault:
+    """A fault that is over."""
+    return msgspec.structs.replace(FAULT, began=began, ended=began + lasted, text="back")
+
+
+def test_a_repeated_fault_keeps_its_period(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From begin to begin; one that lasts longer delays the next, not those after it."""
+    clock, begun, lasts = [100.0], [], [1.0, 25.0, 1.0, 1.0]
+
+    def slept(seconds: float) -> None:
+        clock[0] += seconds
+
+    def once() -> Fault:
+        begun.append(clock[0])
+        clock[0] += lasts[len(begun) - 1]
+        return ended_after(begun[-1], lasts[len(begun) - 1])
+
+    monkeypatch.setattr(verbs.time, "sleep", slept)
+    monkeypatch.setattr(verbs.time, "time", lambda: clock[0])
+    verbs.repeat(once, once, 20.0, 4, Format.JSON)
+    assert begun == [100.0, 120.0, 145.0, 160.0]
+
+
+def test_the_figures_of_a_repeated_fault(capsys: pytest.CaptureFixture[str]) -> None:
+    """How many of how many, how long; told where one fails, too."""
+    faults = [ended_after(10.0, 1.0), ended_after(30.0, 3.0), ended_after(50.0, 2.0)]
+    figures = verbs.repeated(4, faults)
+    assert figures.words == (
+        "3 of 4 done; lasted 2.0 s (median), 3.0 s (longest), 6.0 s of 42 s in all"
+    )
+
+    def fails() -> Fault:
+        raise FleetError("ox is not back after 90 s")
+
+    with pytest.raises(FleetError, match="not back"):
+        verbs.repeat(fails, fails, 20.0, 15, Format.TEXT)
+    assert capsys.readouterr().out == "0 of 15 done\n"
 
 
 # --- No fault is done to a fleet whose back-end may move a real robot. ----------------------------

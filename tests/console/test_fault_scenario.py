@@ -18,7 +18,7 @@ from console import lazy
 from console.errors import UsageError
 from console.faults import verbs
 from console.faults.kinds import AMOUNTS, KINDS, UNTIMED, VERBS
-from console.faults.verbs import SIGNED, Entry, Scenario, choose, fault_arguments, load
+from console.faults.verbs import EVERY_S, SIGNED, Entry, Scenario, choose, fault_arguments, load
 
 numbers = st.floats(0, 100).map(lambda value: round(value, 3))
 spans = numbers | st.tuples(numbers, numbers).map(lambda pair: (min(pair), max(pair)))
@@ -37,6 +37,7 @@ def amounts(kind: str) -> st.SearchStrategy[Any]:
 def entries(draw: st.DrawFn) -> Entry:
     """Any entry that is right."""
     kind = draw(st.sampled_from(VERBS))
+    repeated = draw(st.booleans())
     return Entry(
         kind,
         draw(names | st.lists(names, min_size=1, max_size=3).map(tuple)),
@@ -44,6 +45,8 @@ def entries(draw: st.DrawFn) -> Entry:
         None if kind in UNTIMED else draw(st.none() | spans),
         draw(amounts(kind)) if KINDS[kind].amount else None,
         draw(st.none() | numbers),
+        draw(st.floats(EVERY_S, 100.0)) if repeated else None,
+        draw(st.integers(1, 20)) if repeated else None,
     )
 
 
@@ -83,7 +86,7 @@ def test_a_seed_chooses_within_the_spans(some: Scenario, seed: int) -> None:
         assert between(one.at, entry.at)
         assert between(one.for_, entry.for_)
         assert between(one.amount, entry.amount)
-        assert one.within == entry.within
+        assert (one.within, one.every, one.times) == (entry.within, entry.every, entry.times)
 
 
 def test_another_seed_chooses_otherwise() -> None:
@@ -110,7 +113,9 @@ def test_words_are_of_the_verb(some: Scenario, seed: int) -> None:
         rest = found[3:] if one.amount is not None and one.kind in AMOUNTS else found[2:]
         assert len(rest) % 2 == 0
         options = dict(zip(rest[::2], rest[1::2], strict=True))
-        assert set(options) <= {"--at", "--for", "--within", "--per-second"}
+        assert set(options) <= {
+            "--at", "--for", "--within", "--per-second", "--every", "--times"
+        }  # fmt: skip
         if isinstance(one.at, float):
             assert float(options["--at"].removeprefix("@")) == pytest.approx(1000.0 + one.at)
 
@@ -132,6 +137,12 @@ def test_words_are_of_the_verb(some: Scenario, seed: int) -> None:
         ('[[fault]]\nkind = "restart"\ntarget = "ox"\nfor = 1', "restart has no `for`"),
         ('[[fault]]\nkind = "kill"\ntarget = "ox"\nat = [3.0, 1.0]', "at = \\[3, 1\\] is no span"),
         ('[[fault]]\nkind = "kill"\ntarget = "ox"\nfor = -1.0', "for = -1 is below 0 or no number"),
+        ('[[fault]]\nkind = "kill"\ntarget = "ox"\nevery = 20', "`every` and `times` go together"),
+        (
+            '[[fault]]\nkind = "kill"\ntarget = "ox"\nevery = 0.0\ntimes = 3',
+            "every = 0 is no number from 0.1 on",
+        ),
+        ('[[fault]]\nkind = "kill"\ntarget = "ox"\nevery = 1\ntimes = 0', "times = 0 is below 1"),
         ("[[fault", "faults.toml: "),
     ],
 )
@@ -176,6 +187,8 @@ def test_each_kind_is_told_and_called_by_the_verb() -> None:
         (("kill", "ox", "--per-second", "5"), "kill has no --per-second; a flood has"),
         (("kill", "ox", "--as", "mule"), "nobody speaks in a fault of kind kill; leave --as out"),
         (("restart", "ox", "--for", "1"), "restart has no --for"),
+        (("kill", "ox", "--every", "20"), "--every and --times go together"),
+        (("kill", "ox", "--times", "3"), "--every and --times go together"),
         (("kill",), "Missing argument 'PROCESS'"),
     ],
 )

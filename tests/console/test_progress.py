@@ -97,7 +97,7 @@ def test_a_verb_that_waits_says_what_it_does_to_people_alone(start: Start, tmp_p
     os.mkfifo(tmp_path / "slow.mcap")
     words = ("-m", "console", "why", "--run", tmp_path / "slow.mcap")
     program, person = start(*words, "--format", "json"), start(*words)
-    person.until(b"say why a task went as it did")
+    person.until(b"tell why a task went as it did")
     assert not select.select([program.ours], [], [], 0)[0]
     for one in (program, person):
         one.process.terminate()

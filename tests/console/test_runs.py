@@ -145,6 +145,17 @@ def test_it_is_counted_how_many_tasks_came_to_which_end(tmp_path: Path) -> None:
     assert "2 done, 3 failed, 2 cancelled, 1 refused, 1 not ended" in runs_in(tmp_path)
 
 
+def test_a_narrow_terminal_cuts_nothing_off(tmp_path: Path) -> None:
+    """In 80 columns a reason and a task have the full width, below the run's line."""
+    why = "nobody asked to pour, but to take the jar, which no look around had told of before"
+    kept(tmp_path, "2026-01-31_12-00-00", 1.0, success=False, failure=why, tasks=[NOT_TAKEN])
+    said = calling.roco("runs", "--in", tmp_path, columns=80, code=0).output
+    assert max(map(len, said.splitlines())) <= 80
+    assert f"\n    {why[:60]}" in said
+    assert why in " ".join(said.split())
+    assert "\n    take cup: there is no cup" in said
+
+
 def test_the_size_is_that_on_disk(tmp_path: Path) -> None:
     """As du counts it: blocks, a link's target not at all."""
     run = kept(tmp_path, "run")

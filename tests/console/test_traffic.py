@@ -11,7 +11,7 @@ from calling import POUR, printed, roco
 
 from console.terminal.console import Console
 from console.traffic import judge
-from operate.verdict_lines import Judged
+from operate.verdict_lines import Dead, DeadLetter, Judged
 from topdown.judge.verdicts import Verdict
 
 LATE = Judged(
@@ -94,3 +94,19 @@ def test_a_flood_of_violations_is_cut() -> None:
     """People see the first ones and how many more there are."""
     flood = [msgspec.structs.replace(LATE, t=100.0 + n, id=str(n)) for n in range(judge.MOST + 5)]
     assert "and 5 more" in shown(*flood)
+
+
+@pytest.mark.parametrize("width", [80, 120])
+def test_the_reason_of_a_dead_letter_is_in_lines_that_can_be_read(width: int) -> None:
+    """Also beside the longest names."""
+    why = "no stream number: a durable communicate has its stream's number as id"
+    letter = DeadLetter(
+        100.0, Dead.OVER, why, sender="dispatcher", receiver="traffic", id="dispatcher-117-29",
+        protocol="fipa-contract-net", performative="accept-proposal",
+    )  # fmt: skip
+    console = Console(width=width, record=True, file=StringIO())
+    judge.show_letters([letter], console)
+    lines = console.export_text().splitlines()
+    assert max(map(len, lines)) <= width
+    assert why in " ".join(line.strip() for line in lines)
+    assert len(lines) <= 6

@@ -8,8 +8,10 @@ import subprocess
 import sys
 import termios
 import time
+from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from calling import printed, roco
@@ -23,6 +25,7 @@ from console.terminal import top
 from console.terminal.console import Console
 
 pytestmark = pytest.mark.process
+Checking = Callable[[], Iterator[general.Check]]
 
 
 def test_agents_tells_of_every_process(run: Path) -> None:
@@ -224,3 +227,22 @@ def test_doctor_names_libraries_that_are_missing(monkeypatch: pytest.MonkeyPatch
     (check,) = general.imports(("nowhere_to_be",))
     assert check.level == "wrong"
     assert "nowhere_to_be" in check.what
+
+
+@pytest.mark.parametrize(
+    ("room", "check", "package"),
+    [
+        (general, general.explorer, "topdown.prove.compiled"),
+        (checkup, checkup.library, "velma.compiled"),
+    ],
+)
+def test_doctor_says_whether_a_library_in_c_is_built(
+    room: ModuleType, check: Checking, package: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without it nothing fails: a note with the command that builds it."""
+    monkeypatch.setattr(room.compiled, "library", object)
+    assert [one.level for one in check()] == ["fine"]
+    monkeypatch.setattr(room.compiled, "library", lambda: None)
+    (missing,) = check()
+    assert (missing.level, package in missing.what) == ("note", True)
+    assert f"`python -m {package}`" in missing.remedy

@@ -8,7 +8,9 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 from partners_of_co import Scene
 
+from companion.autonomy import WAIT_S
 from companion.languages.facts import Kind, fact
+from companion.languages.hfsm import PUT_DOWN_S, ScheduleParameters
 from companion.languages.sw import WorkerState
 from companion.tasks.clear_table.command import ClearTable
 from companion.tasks.look_around.command import LookAround
@@ -18,13 +20,16 @@ from companion.tasks.take.command import Take
 from fipa_codec.performatives import Performative as P
 from services.coordinator.memory import Choice, Job, Stage
 from services.coordinator.scheduling import (
+    PLAN_S,
     RULES,
     Decision,
     Offer,
     by_costs,
     by_deadline,
     first_come,
+    first_in,
     in_order,
+    offer,
     queued,
 )
 
@@ -202,6 +207,40 @@ def test_a_queue_loses_nothing_and_interrupts_nothing(said, planning):
             assert not (same and later and before.command.urgency <= job.command.urgency)
 
 
+def test_what_a_task_offers():
+    """One that waits is planned first; the costs of its plan count once they are known."""
+    waits = Job("take", Take("jar"), 3.0)
+    assert offer(waits, (waits,)) == Offer("take", 3.0, rest=PLAN_S, resume=PLAN_S)
+    costs, command = ScheduleParameters("grasp", 7.0, 2.0, 4.0), Take("jar", deadline=90.0)
+    runs = replace(waits, command=command, stage=Stage.RUNNING, schedule=(costs,), holds=2)
+    assert offer(runs, (runs,)) == Offer(
+        "take", 3.0, 7.0, 90.0, suspend=2.0, resume=PLAN_S + 4.0, clear=2 * PUT_DOWN_S
+    )
+    urgent = Job("look", LookAround(urgency=1, after="take"), 5.0)
+    offered = offer(urgent, (runs, urgent))
+    assert (offered.urgency, offered.after) == (1, ("take",))
+
+
+waiting_or_not = st.tuples(st.sampled_from(Stage), st.booleans(), st.integers(0, 2))
+
+
+@given(st.lists(waiting_or_not, min_size=1, max_size=5), st.integers(0, 4))
+def test_the_task_for_which_another_one_was_left_comes_first(drawn, number):
+    """If it waits, and none that waits is more urgent; the others keep their order."""
+    jobs = tuple(
+        Job(str(n), LookAround(urgency=urgency), float(n), stage, cancelling=cancelling)
+        for n, (stage, cancelling, urgency) in enumerate(drawn)
+    )
+    after = first_in(jobs, Decision(str(number), fact(Kind.MORE_URGENT), True))
+    waiting = {job.conversation: job.command.urgency for job in jobs if job.waits}
+    first = waiting.get(str(number), -1) == max(waiting.values(), default=0)
+    assert [job for job in after if job.conversation != str(number)] == [
+        job for job in jobs if job.conversation != str(number)
+    ]
+    assert after[0].conversation == str(number) if first else after == jobs
+    assert first_in(jobs, None) == jobs
+
+
 def order_of(*said):
     """The queue's order of tasks that wait, as numbers."""
     jobs = tuple(Job(str(n), command, float(n), Stage.WAITING) for n, command in enumerate(said))
@@ -353,3 +392,15 @@ def test_a_robot_that_does_not_leave_a_task_is_late(scene):
     assert scene.acts("ta").count(P.CANCEL) == 1
     scene.settle(61.0)
     assert scene.said(urgent)[-1] == "failure failed"
+
+
+def test_a_plan_that_waits_for_an_operator_is_not_late_when_he_comes_at_the_last_moment(scene):
+    """It has the time of its acts then, beside that of waiting."""
+    pour = scene.running()
+    scene.ta(WorkerState.WAITING)
+    said = scene.said(pour)
+    scene.settle(WAIT_S + 50.0)
+    assert scene.said(pour) == said
+    scene.succeed()
+    assert scene.said(pour)[-1] == "inform done"
+    assert scene.at_rest()

@@ -17,6 +17,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = (
     "services",
     "velma",
+    "c_library",
     "fipa_codec",
     "agent_runtime",
     "topdown",

@@ -1,5 +1,6 @@
 """docs/errors.md has a row for everything that can go wrong, and none for what cannot."""
 
+import re
 import runpy
 from collections.abc import Callable
 from pathlib import Path
@@ -19,6 +20,13 @@ def test_every_error_has_its_row_and_every_row_its_error() -> None:
     """
     assert SCRIPT["differences"]() == []
     assert SCRIPT["PAGE"].read_text(encoding="utf-8") == SCRIPT["page"]()
+
+
+def test_the_page_of_the_judge_has_every_verdict() -> None:
+    """The page of the errors says only what to do about them."""
+    text = (shown.ROOT / "docs/conversations.md").read_text(encoding="utf-8")
+    rows = {row.strip("`") for row in re.findall(r"^\| ([\w` ]+) \| ", text, re.MULTILINE)}
+    assert troubles.every()["verdicts"].keys() - rows == set()
 
 
 def test_errors_of_every_room_are_found() -> None:

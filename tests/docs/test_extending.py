@@ -17,13 +17,12 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGE = (ROOT / "docs/extending.md").read_text(encoding="utf-8")
 TITLE = re.compile(r"^## (?P<title>\((?P<letter>\w)\) .*)$", re.MULTILINE)
 PART = re.compile(
-    r"^(?:In `(?P<file>[^`]+)`, (?P<how>before|after|in place of|at the end)(?:"
-    r" `(?P<line>[^\n]+)`)?:"
-    r"|New file `(?P<new>[^`]+)`(?P<empty>, empty)?[.:])\n"
+    r"^(?:In `(?P<file>[^`]+)`[^\n]*:|At the end of `(?P<end>[^`]+)`:"
+    r"|New file `(?P<new>[^`]+)`(?:(?P<empty>, empty\.)|[^\n]*:))\n"
     r"|^```console\n(?P<console>.*?)^```$",
     re.MULTILINE | re.DOTALL,
 )
-FENCED = re.compile(r"\n(?P<fence>`{3,})\w+\n(?P<code>.*?)^(?P=fence)$", re.MULTILINE | re.DOTALL)
+FENCED = re.compile(r"\n```(?P<kind>\w+)\n(?P<code>.*?)^```$", re.MULTILINE | re.DOTALL)
 COUNTS = re.compile(r"^\| \[\((\w)\) .*\| (\d+) \| (\d+) \|$", re.MULTILINE)
 COUNTED = {
     letter: (int(old), int(new)) for letter, old, new in COUNTS.findall(PAGE.partition("## ")[0])
@@ -57,6 +56,7 @@ class Recipe(NamedTuple):
                 None if part["console"] or part["empty"] else FENCED.match(self.text, part.end())
             )
             assert part["console"] or part["empty"] or fenced, f"no code below {part[0]!r}"
+            assert not fenced or bool(part["file"]) == (fenced["kind"] == "diff"), part[0]
             yield part, fenced["code"] if fenced else ""
 
 
@@ -92,7 +92,7 @@ class Copy:
         self.console: list[str] = []
 
     def change(self, part: re.Match[str], code: str) -> None:
-        """Do what a part of a recipe says; a line that is named stands in the file once."""
+        """Do what a part of a recipe says."""
         if part["new"]:
             file = self.folder / part["new"]
             assert not file.exists(), f"{part['new']} is there already"
@@ -100,10 +100,11 @@ class Copy:
             file.write_text(code, encoding="utf-8")
             self.added.add(part["new"])
             return
-        file = self.folder / part["file"]
+        name = part["file"] or part["end"]
+        file = self.folder / name
         before = file.read_text(encoding="utf-8")
-        file.write_text(changed(before, part["how"], part["line"], code), encoding="utf-8")
-        self.edited.add(part["file"])
+        file.write_text(before + code if part["end"] else patched(before, code), encoding="utf-8")
+        self.edited.add(name)
 
     def follow(self, recipe: Recipe) -> None:
         """Make all edits of a recipe, and keep its commands."""
@@ -143,19 +144,15 @@ class Copy:
             )
 
 
-def changed(text: str, how: str, line: str | None, code: str) -> str:
-    """The text with the code where a recipe says."""
-    if how == "at the end":
-        return text + code
-    lines = text.splitlines(keepends=True)
-    at = [number for number, one in enumerate(lines) if one.rstrip("\n") == line]
-    assert len(at) == 1, f"{line!r} stands there {len(at)} times"
-    first, last = {
-        "before": (at[0], at[0]),
-        "after": (at[0] + 1, at[0] + 1),
-        "in place of": (at[0], at[0] + 1),
-    }[how]
-    return "".join((*lines[:first], code, *lines[last:]))
+def patched(text: str, diff: str) -> str:
+    """The text after a diff; the lines that a hunk keeps or removes stand in the text once."""
+    for hunk in diff.split("@@\n"):
+        marked = hunk.splitlines(keepends=True)
+        old = "".join(line[1:] for line in marked if line[0] in " -")
+        new = "".join(line[1:] for line in marked if line[0] in " +")
+        assert f"\n{text}".count(f"\n{old}") == 1, f"not there, or several times: {old!r}"
+        text = f"\n{text}".replace(f"\n{old}", f"\n{new}")[1:]
+    return text
 
 
 @pytest.fixture(scope="module")

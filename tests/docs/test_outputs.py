@@ -102,6 +102,8 @@ OTHERWISE = [
     ("echo a; echo a; echo c", "a\nb", "like=lines"),
     ("echo a b", "a c", "like=wraps"),
     ("echo words", "words", "has=^[0-9]+$"),
+    ("echo km idle", "pl idle", "fields=1"),
+    ("echo km idle; echo pl idle", "km idle", "fields=1"),
     ("false", "", ""),
     ("true", "", "exit=1"),
 ]
@@ -121,6 +123,7 @@ ALIKE = [
     ("exit 3", "", "exit=3"),
     ("cat made", "here", "setup='echo here > made'"),
     ("echo 17 said", "4 said", "has='^[0-9]+ said$'"),
+    ("echo km idle 7", "km  knows", "fields=1"),
 ]
 
 

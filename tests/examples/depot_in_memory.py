@@ -63,7 +63,7 @@ class Depot:
             "mule": (mule.agent(), wheels),
             "ox": (ox.agent(), wheels),
         }
-        for name in agents.keys() - set(without):
+        for name in sorted(agents.keys() - set(without)):  # in one order, whatever the hashes are
             agent, device = agents[name]
             self.wires.add(agent, wiring(name, "test", design=DESIGN, languages=LANGUAGES), device)
 

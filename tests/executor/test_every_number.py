@@ -42,7 +42,7 @@ from velma.kinematics import ik, timing
 from velma.kinematics import motion as planning
 from velma.kinematics.collision import World
 from velma.kinematics.robot import Robot
-from velma.model.build import ROBOT_XML
+from velma.model.tree import ROBOT_XML
 from velma.names import BODY, COLUMNS, LOWER, SIDES, START, UPPER
 from velma.sim.mock_backend import MockBackend
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from fipa_codec.communicate import is_label
-from fipa_codec.conversation import Conversation
+from fipa_codec.conversation import MOST_HEARD, Conversation
 from fipa_codec.errors import LocalProtocolError, MalformedError, RemoteProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
@@ -202,3 +202,52 @@ def test_what_is_said_arrives_as_it_was_said():
     ((_, came, _),) = opened("request", P.REQUEST, **said, reply_by=7.0, now=3.0).heard
     assert {name: getattr(came, name) for name in said} == said
     assert (came.reply_by, came.sent) == (7.0, 3.0)
+
+
+def test_the_newest_labels_of_the_peer_can_be_answered():
+    """Own labels are not among them; an answer without in-reply-to is one to the newest."""
+    both = opened("subscribe", P.SUBSCRIBE)
+    heard(both, PARTICIPANT, P.AGREE)
+    labels = [f"ta-{at}" for at in range(MOST_HEARD + 4)]
+    for label in labels:
+        inform = both.say(PARTICIPANT, P.INFORM)
+        side = both.sides[INITIATOR].receive(msgspec.structs.replace(inform, reply_with=label))
+        both.sides[INITIATOR] = side
+    assert side.heard == tuple(labels[-MOST_HEARD:])
+    after, cancel = side.send(P.CANCEL, id="co-9", now=1.0)
+    assert (after.heard, cancel.in_reply_to) == (side.heard, labels[-1])
+    named = side.send(P.NOT_UNDERSTOOD, id="co-9", now=1.0, in_reply_to=labels[-2])[1]
+    assert named.in_reply_to == labels[-2]
+    assert not both.sides[PARTICIPANT].heard
+
+
+@pytest.mark.parametrize(
+    ("protocol", "act", "early", "after"),
+    [
+        ("subscribe", P.SUBSCRIBE, "stopping", "cancelled"),
+        ("request", P.REQUEST, "too-late", "settled"),
+    ],
+)
+def test_a_cancel_may_have_the_label_of_its_opening(protocol, act, early, after):
+    """An answer to that label answers the opening where the state allows it, else the cancel.
+    JADE's SubscriptionInitiator cancels so.
+    """
+    both = opened(protocol, act)
+    heard(both, PARTICIPANT, P.AGREE)
+    label = both.sides[INITIATOR].asked
+    both.say(INITIATOR, P.CANCEL, id=label)
+    assert heard(both, PARTICIPANT, P.INFORM).in_reply_to == label
+    assert not both.sides[INITIATOR].ended
+    both.take(PARTICIPANT)
+    assert both.sides[PARTICIPANT].state == early
+    last = P.INFORM if early == "stopping" else P.FAILURE
+    heard(both, PARTICIPANT, last, kind=Kind.CANCEL, in_reply_to=label)
+    assert both.states == (after, after)
+
+
+def test_an_act_may_be_said_by_its_name(asked):
+    """A message has the Performative all the same; one that was received without it is refused."""
+    agree = asked.say(PARTICIPANT, "agree")
+    assert type(agree.performative) is P
+    with pytest.raises(LocalProtocolError, match="decode"):
+        asked.sides[INITIATOR].receive(msgspec.structs.replace(agree, performative="agree"))

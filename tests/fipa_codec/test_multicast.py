@@ -104,6 +104,19 @@ def test_a_silent_participant_keeps_nobody_waiting():
     assert not Call("cfp", reply_by=None).group.over(1e9)
 
 
+def test_a_silent_winner_keeps_nobody_waiting():
+    """After the reply-by of its award it counts as failed, until it reports."""
+    call = offered("cfp", *CROWD)
+    for peer, act in call.group.award("b"):
+        talk, message = call.group.talk(peer).send(act, id=f"i-{peer}", now=5.0, reply_by=20.0)
+        call.theirs[peer] = call.theirs[peer].receive(message)
+        call.note(talk, 5.0)
+    assert (call.group.over(20.0), call.outcomes(20.0)) == (False, ["rejected", "", "rejected"])
+    assert (call.group.over(20.1), call.outcomes(20.1)[1]) == (True, "failed")
+    call.answer("b", P.INFORM, now=21.0)
+    assert call.outcomes(21.0)[1] == "done"
+
+
 def offered(protocol, *peers):
     """A call that these have answered with a proposal."""
     call = Call(protocol)

@@ -296,16 +296,18 @@ def test_a_call_without_a_label_is_answered(protocol):
 
 
 def test_cancel_that_failed_may_be_tried_again():
-    """The conversation continues in its state, without a deadline, and the first cancel is a copy
-    from then on.
+    """The conversation continues in its state, with the deadline of its call and not that of the
+    cancel, and the first cancel is a copy from then on.
     """
     dialogue = Dialogue("cfp", reply_by=10.0)
-    for word in ("i:cfp", "i:cancel"):
-        dialogue.word(word)
+    dialogue.word("i:cfp")
+    dialogue.reply_by = 5.0
+    dialogue.word("i:cancel")
+    assert [side.deadline for side in dialogue.sides.values()] == [5.0, 5.0]
     dialogue.reply_by = None
     dialogue.word("p:failure[cancel]")
     assert dialogue.states == ("called", "called")
-    assert [side.deadline for side in dialogue.sides.values()] == [None, None]
+    assert [side.deadline for side in dialogue.sides.values()] == [10.0, 10.0]
     first = dialogue.heard[1][1]
     with pytest.raises(RemoteProtocolError, match="this is a copy"):
         dialogue.sides[PARTICIPANT].receive(first)

@@ -1,5 +1,5 @@
-"""Twelve fixed cells of the table of docs/reliability.md, a phase of the pour each, in real fleets
-as shipped.
+"""Twelve fixed cells of the table of docs/results/faults.md, a phase of the pour each, in real
+fleets as shipped.
 """
 
 import pytest

@@ -31,6 +31,7 @@ from console.errors import UsageError
 from console.faults import verbs as scenario
 from fipa_codec import acl_string
 from fipa_codec.communicate import decode, decode_strictly, encode
+from fipa_codec.envelope import Envelope, pack, unpack
 from fipa_codec.errors import FipaError, MalformedError
 from operate.recording import contents, history, mcap_file
 from operate.recording.ends import Ends
@@ -162,6 +163,26 @@ def acl(data: bytes) -> None:
     one = acl_string.from_acl(message, 1.76e9)
     again = acl_string.from_acl(acl_string.parse(acl_string.render(acl_string.to_acl(one))), 1.76e9)
     held(again == one, "from_acl(parse(render(to_acl(x)))) is x")
+
+
+ENVELOPE = Envelope(
+    to=(acl_string.Aid("hi@x", ("http://127.0.0.1:8372/acc",)),),
+    sender=acl_string.Aid("buyer@lab:1099/JADE", ("http://127.0.0.1:7778/acc",)),
+    date=acl_string.At(1_767_225_600_000),
+)
+
+
+def posts() -> list[bytes]:
+    """Content type and body of what platforms post, a line between."""
+    made = (pack(ENVELOPE, text) for text in ACL_PEERS)
+    return [what.encode() + b"\n" + body for what, body in made]
+
+
+def post(data: bytes) -> None:
+    """Check that an envelope that is read is written to one that is read as the same."""
+    what, _, body = data.partition(b"\n")
+    envelope, text = unpack(what.decode("latin-1"), body)
+    held(unpack(*pack(envelope, text)) == (envelope, text), "unpack(pack(x)) is x")
 
 
 def samples() -> list[bytes]:
@@ -437,6 +458,7 @@ TARGETS = (
            (*BINARY, packed, *[content] * 8),
            (FipaError,), 6.0),
     Target("acl", "ACL text", acl_texts, plain(acl), TEXT, (MalformedError,), 3.0),
+    Target("envelope", "envelopes of other platforms", posts, plain(post), TEXT, (MalformedError,)),
     Target("sample", "what a tap hears; what reaches an agent", samples, plain(sample),
            (*BINARY, *TEXT),
            weight=3.0, answers="garbage"),

@@ -334,7 +334,8 @@ def test_a_coordinator_that_does_not_answer_is_told_once_and_again_when_it_does(
     assert scene.tasks == {task: "waiting"}
     scene.agree(task)
     scene.settle(1.0)
-    assert [event.name for event in scene.events][2:] == ["robot-reachable", "waiting"]
+    scene.report(task, P.INFORM, PLANNING)
+    assert [event.name for event in scene.events][2:] == ["robot-reachable", "waiting", "planning"]
 
 
 def test_a_coordinator_that_answers_in_time_is_not_complained_of(scene, task):
@@ -372,6 +373,14 @@ def test_urgency_and_deadline_of_a_sentence_go_to_the_coordinator(scene):
     scene.say("look around")
     assert scene.sent[-1] == LookAround()
     assert msgspec.json.encode(scene.sent[-1]) == b'{"type":"LookAround"}'
+
+
+def test_when_a_task_is_wanted_is_shown_as_it_was_told_the_coordinator(scene):
+    """Its urgency, its deadline and the time to begin."""
+    task = scene.say("look around", urgency=1, within_s=600.0, later_s=60.0).task
+    (sent,), line = scene.sent, scene.line(task)
+    assert 0.0 < sent.start < sent.deadline
+    assert (line.urgency, line.deadline, line.start) == (1, sent.deadline, sent.start)
 
 
 def test_what_was_urgent_is_urgent_when_a_question_was_answered(scene):
@@ -433,6 +442,25 @@ def test_two_wishes_become_two_tasks_in_their_order(scene):
     assert line.text == "I will take the jar, then pour the content of the jar into the bowl."
 
 
+def test_each_wish_of_a_sentence_needs_the_one_before_it(scene):
+    """The first may be done long ago when the last is cancelled for the one between them."""
+    line = scene.say("take the jar, pour it into the bowl, put it down")
+    second, third = line.then
+    assert [one.after for one in scene.sent] == ["", line.task, second]
+    scene.end(line.task, DONE)
+    assert scene.cancelled == []
+    scene.report(second, P.REFUSE, FAILED, BUSY)
+    assert scene.cancelled == [third]
+
+
+def test_what_is_noted_of_a_task_is_forgotten_at_its_end(scene):
+    """No record of the journal grows by tasks that were done."""
+    for text in ("look around", "hand me the jar"):
+        scene.end(scene.say(text).task, DONE)
+    memory = scene.hi.state.memory
+    assert (memory.looks, memory.gives, memory.follows) == ((), (), ())
+
+
 @pytest.mark.parametrize("state", [FAILED, CANCELLED, DONE])
 def test_what_follows_in_a_sentence_is_cancelled_where_the_first_was_not_done(scene, state):
     """And nothing else is."""
@@ -471,6 +499,15 @@ def test_a_question_back_is_answered_by_yes_or_by_a_name(scene):
         scene.say(text)
         assert scene.say(answer).state == "waiting"
         assert scene.sent[-1] == Take(wanted)
+
+
+def test_who_wants_care_is_asked_before_what_nothing_undoes(scene):
+    """And before nothing else. The answer needs no other question."""
+    assert scene.say("take the jar", careful=True).state == "waiting"
+    assert scene.say("pour the jar into the bowl", careful=True).state == "question"
+    assert scene.sent == [Take("jar")]
+    assert scene.say("yes", careful=True).state == "waiting"
+    assert scene.sent[-1] == PourInto("jar", "bowl")
 
 
 def test_a_correction_cancels_what_was_asked_for_once_it_is_confirmed(scene):
@@ -543,9 +580,13 @@ def test_what_the_hands_hold_and_how_far_a_task_is_are_answered(scene):
 
 
 def test_the_steps_of_earlier_plans_count(scene, task):
-    """A plan that ends at its last step has done it; one that is left in a step has not."""
+    """A plan that ends at its last step has done it; one that is left in a step, or before its
+    first one, has not.
+    """
     steps = tuple(Step("take", (f"jar_{n}",), Side.LEFT) for n in range(3))
     scene.agree(task)
+    scene.co(task, P.INFORM, TaskReport(RUNNING, steps=steps))
+    scene.report(task, P.INFORM, PLANNING)
     before = 0
     for last in (3, 2, 3):
         for number in range(1, last + 1):
@@ -815,6 +856,8 @@ def test_why_names_the_reason(scene):
     scene.report(task, P.FAILURE, FAILED, fact(Why.NOT_SEEN, "jar"))
     assert scene.say("why?").text == "take the jar: I have not seen the jar. Please help me."
     assert scene.say("dlaczego?").text == "take the jar: Nie widzę słoika. Proszę o pomoc."
+    scene.report(scene.say("look around").task, P.FAILURE, FAILED, fact(Why.ENDED, "ex"))
+    assert scene.say("why?").text.startswith("look around: ")
 
 
 def test_an_act_that_waits_for_an_operator_is_told_until_it_begins(scene, task):

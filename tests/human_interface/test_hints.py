@@ -181,10 +181,10 @@ def test_several_seen_things_are_offered_together():
     """A plural of two to four that were seen; without those that are excepted."""
     seen = Context(seen=("jar_1", "jar_2", "bowl_1", "box_1", "table_1"))
     found = outcome(understand("all of the jars onto the table now please"), seen)
-    assert found.sentences[0].count("jar") == 2
+    assert in_words(found.options[0].tasks).count("jar") == 2
     found = outcome(understand("everything except the box over to the table"), seen)
-    assert "box" not in found.sentences[0]
-    assert found.sentences[0].count("put the") == 3
+    assert "box" not in in_words(found.options[0].tasks)
+    assert in_words(found.options[0].tasks).count("put the") == 3
 
 
 def test_cancelling_in_other_words_is_asked():

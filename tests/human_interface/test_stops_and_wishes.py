@@ -14,6 +14,8 @@ from services.human_interface.grammar import VOCABULARY
 NEVER_READ = {"quit", "stop", "zostaw"}
 """Words of the catalogue's commands that stop the robot; in questions they do not."""
 IN_QUESTIONS = {"emergency", "help", "zatrzymac"}
+MAY_BE_A_PERSONS = ("let go of my", "let go of our", "zabierz reke")
+"""Said of a person's hand as likely as of a thing or the robot's hand: they stop."""
 QUESTIONS = ("why", "help", "stopping")
 PATTERNS = [
     (row.does, language, one)
@@ -81,7 +83,7 @@ def test_no_wish_or_question_stops_whenever_it_is_meant(sentence, data):
     does, language, text = sentence
     if does not in QUESTIONS and set(text.split()) & NEVER_READ:
         return
-    if "let go of my" in text or "let go of our" in text:  # it is as likely a hand
+    if any(hand in text for hand in MAY_BE_A_PERSONS):
         return
     when = data.draw(st.one_of(st.just(""), times(language)))
     forms = [f"{when} {text}", f"{text} {when}", f"{text}, {when}!", f"{text} {when}".upper()]

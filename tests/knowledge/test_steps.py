@@ -200,21 +200,39 @@ def test_what_was_seen_stays_seen(km):
 
 
 def test_a_lost_world_is_forgotten_and_looked_for(km):
-    """Nothing of before counts, not even what arrives late; questions wait for the look around that
-    follows.
+    """Nothing of before counts, neither what arrives late nor a hypothetical state; questions wait
+    for the look around that follows. The store is told.
     """
+    lost = wm.WorldLost((fact(Kind.NEW_WORLD),))
     km.met()
     km.ta(P.AGREE)
     km.observed("jar_1", JAR)
     km.observed("body", BODY)
     assert km.memory.scene.things
-    km.observed("world", wm.WorldLost((fact(Kind.NEW_WORLD),)))
+    km.ask(wm.HypotheticalState(id="p1/0"))
+    km.observed("world", lost)
+    assert km.tells == [Mirror(km.memory.scene)]
     assert (km.memory.scene.things, km.memory.scene.hands, km.memory.scene.joints) == ({}, {}, {})
     assert (km.memory.patient, km.ask(wm.ListObjects())) == (True, [])
     km.observed("jar_1", JAR)
     km.observed("body", BODY)
     assert not km.memory.patient
     assert list(km.memory.scene.things) == ["jar_1"]
+    assert km.answers()
+    asked = km.ask(wm.ObjectPose(state="p1/0", object="jar_1"))
+    assert asked == [(P.FAILURE, wm.UnknownState("p1/0"))]
+
+
+def test_a_loss_that_is_told_after_what_was_seen_later_forgets_nothing(km):
+    """What was seen is of the new world."""
+    km.met()
+    km.ta(P.AGREE)
+    km.seen += 1
+    km.observed("jar_1", JAR)
+    km.observed("body", BODY)
+    before = km.memory
+    km.ta(P.INFORM, wm.WorldLost((fact(Kind.NEW_WORLD),)), id="world@1.1")
+    assert (km.memory, km.tells) == (before, [])
 
 
 def test_a_restart_goes_on_waiting_only_where_it_waited(km):
@@ -239,6 +257,7 @@ def test_a_restart_goes_on_waiting_only_where_it_waited(km):
 def test_each_life_of_the_observer_is_subscribed_to_once(km):
     """The older subscription is dropped; other agents are not subscribed to."""
     first = km.met()
+    km.ta(P.AGREE)
     km.step(PeerChanged("ta", 1))
     km.step(PeerChanged("pl", 1))
     assert km.subscribes() == []
@@ -295,6 +314,16 @@ def test_the_store_is_told_of_each_new_scene(km):
     assert list(km.memory.scene.things) == ["jar_1"]
     km.observed("look", wm.NothingSeen(DARK))
     assert km.tells == []
+
+
+def test_an_observation_without_a_version_is_logged_and_changes_nothing(km):
+    """Nobody could tell whether it is newer."""
+    km.met()
+    km.ta(P.AGREE)
+    before = km.memory
+    km.ta(P.INFORM, JAR, id="jar_1")
+    assert km.memory == before
+    assert km.logged("observation without a version")["id"] == "jar_1"
 
 
 def test_a_hypothetical_state_is_kept_until_it_is_dropped(km):

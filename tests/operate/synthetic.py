@@ -22,10 +22,12 @@ from companion.tasks.pour.command import PourInto
 from companion.tasks.pour.done import Pour, PourKind
 from companion.telemetry import Lateness, RobotState, TrueState
 from companion.tools.system import SYSTEM
+from companion.tools.telemetry import DECODERS
 from fipa_codec.communicate import Communicate, encode
 from fipa_codec.languages import Language
 from fipa_codec.performatives import Performative as P
-from operate.recording.history import History
+from operate.recording.history import History, Signals
+from operate.recording.records import House
 
 PREFIX = "roco"
 START = 1_700_000_000.0
@@ -345,8 +347,18 @@ def pour(seed: int = 1, *, queries: int = 320) -> Run:
 
 def with_truth(past: History, states: Iterable[tuple[float, TrueState]]) -> History:
     """The history with these true states in place of its own."""
-    others = tuple((at, one) for at, one in past.told if not isinstance(one, TrueState))
-    return msgspec.structs.replace(past, told=(*others, *states))
+    others = (one for one in past.signals.houses if one.kind != "truth")
+    return with_signals(
+        past,
+        *others,
+        *(House("truth", "ex", "", at, msgspec.msgpack.encode(one)) for at, one in states),
+    )
+
+
+def with_signals(past: History, *houses: House) -> History:
+    """The history with these signals in place of its own."""
+    some = Signals(sorted(houses, key=lambda one: one.received), DECODERS)
+    return msgspec.structs.replace(past, signals=some)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import base64
 import re
 import socket
 import time
+from pathlib import Path
 
 import msgspec
 import pytest
@@ -22,6 +23,7 @@ from services.page.robot import RobotEye
 from services.page.view import LANGUAGES, PICTURES, WORDS, Heard, view
 
 pytestmark = pytest.mark.timeout(30)
+ROOT = Path(__file__).parents[2]
 STEP = Step("hand-over", ("jar_1",))
 LINE = TaskLine(
     "hi-1-1", TaskState.RUNNING, "", at=Place(("hand over jar_1", "give"), STEP, "HandOver"),
@@ -141,3 +143,16 @@ def test_a_port_that_is_taken_is_named_with_its_variable():
         )
         with pytest.raises(OSError, match=words):
             _listening("127.0.0.1", port, None)
+
+
+def test_a_browser_hears_every_event_that_the_page_tells() -> None:
+    """By its name, which stands in the code of both sides."""
+    app = (ROOT / "services/page/app.py").read_text("utf-8")
+    told = {*re.findall(r'\b(?:sse|tell)\(\s*(?:[\w()]+, )?"(\w+)", ', app), *PICTURES}
+    script = (ROOT / "services/page/static/page.js").read_text("utf-8")
+    heard = set(re.findall(r'\bsource\.addEventListener\("(\w+)"', script))
+    beats = re.search(r"of \[(.*?)\]\) source\.addEventListener", script)
+    assert beats is not None
+    heard |= set(re.findall(r'"(\w+)"', beats[1]))
+    assert len(told) == 7
+    assert heard == told

@@ -153,6 +153,6 @@ def test_each_wish_takes_the_steps_that_the_docs_say(house, page, opened, wish, 
     expect(one.locator("#step")).to_contain_text("Step 1 of 3")
     walker = by(one)
     WALKS[wish](house, one, walker)
-    row = re.search(rf"^\| {wish} \| (\d+) \| (\d+) \|$", DOCS.read_text(), re.MULTILINE)
+    row = re.search(rf"^- {wish}: (\d+) and (\d+)$", DOCS.read_text(), re.MULTILINE)
     assert row, wish
     assert walker.steps == int(row[1 if by is Keyboard else 2])

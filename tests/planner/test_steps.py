@@ -212,6 +212,24 @@ def test_a_restart_while_km_is_asked_to_forget_asks_again():
     assert one.tells == [Begin(1, network("p1"), SEED)]
 
 
+def test_problems_are_planned_in_the_order_in_which_they_came():
+    """Each is taken when the one before has its answer."""
+    one = searching()
+    for name in ("p2", "p3", "p4"):
+        asks(one, name)
+    planned = []
+    for _ in range(4):
+        problem = one.state.memory.problem.network.id
+        planned.append(problem)
+        plan = plan_of(network(problem), [(hfsm.Step("look-around"), [look("jar_1")])])
+        one.step(Local(Found(one.state.memory.attempt, plan)))
+        one.step(Receipted("co", taken=4))
+        for asked in tuple(one.state.soft.asks):  # to forget what was supposed, before and after
+            answers(one, wm.Made(problem), asked)
+    assert planned == ["p1", "p2", "p3", "p4"]
+    assert one.state.memory.problem is None
+
+
 def test_of_several_problems_only_the_cancelled_one_is_forgotten():
     """One that waits, or the one under way: whose search is stopped, whose question is dropped."""
     one = waiting()

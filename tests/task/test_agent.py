@@ -4,6 +4,7 @@ and when.
 
 from types import SimpleNamespace
 
+import msgspec
 import pytest
 from msgspec.structs import replace
 from scripted_partner import Open, Say
@@ -255,6 +256,21 @@ def test_a_loss_is_said_at_once_and_looked_after(outcome, why, news):
     assert isinstance(told[-1], wm.SeenBody)
 
 
+def test_reasons_and_evidence_of_a_report_have_room_together():
+    """The more reasons there are, the less evidence is told; a few of it are left here."""
+    many = tuple(
+        Evidence(Claim.STANDS, f"jar_{number}", (Sense.EYES,), 3.0) for number in range(20)
+    )
+    scene = Scene(LOOK, HOME, observed=True)
+    scene.ends(done(evidence=many))
+    scene.ends(not_done("failed", *(fact(Kind.NOT_SEEN, f"bowl_{n}") for n in range(5))), 1)
+    report = scene.hears("co", 3)
+    sizes = [len(msgspec.msgpack.encode(part)) for part in (report.why, report.evidence)]
+    assert len(report.why) == 5
+    assert 0 < len(report.evidence) < len(many)
+    assert sum(sizes) <= behaviours.REASON_BYTES
+
+
 def test_in_a_new_world_the_hands_hold_nothing():
     """Whatever they held in the one before."""
     scene = Scene(LOOK, HOME, observed=True)
@@ -456,6 +472,23 @@ def test_an_observer_that_comes_amid_a_plan_does_not_wait_for_a_look():
     scene = Scene(HOME, observed=True)
     scene.wires.run_for(1.0)
     assert reasons(scene) == [(fact(Kind.NO_LOOK_IN_A_PLAN),)]
+
+
+def test_an_observer_that_comes_before_the_final_report_is_confirmed_does_not_wait_for_a_look():
+    """co is down meanwhile."""
+    scene = Scene(HOME)
+    scene.observe()
+    scene.wires.run_for(1.0)
+    scene.wires.crash("co", Point.BEFORE, restart_s=5.0)
+    scene.ends(rc.Done(HOME.key, BODY))
+    scene.wires.run(lambda: scene.state == "finished")
+    before = len(reasons(scene))
+    scene.observe()
+    scene.wires.run_for(1.0)
+    assert scene.state == "finished"
+    assert reasons(scene)[before:] == [(fact(Kind.NO_LOOK_IN_A_PLAN),)]
+    scene.wires.run_for(20.0)
+    assert scene.state == "idle"
 
 
 def test_acts_beside_plans_are_counted_over_plans():

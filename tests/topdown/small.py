@@ -13,6 +13,8 @@ from topdown.prove.fleet import Faults, Flat, Fleet
 from topdown.prove.verify import Verdict, tasks
 
 HEAD = """
+format = 2
+
 [system]
 name = "lamp"
 root = "all"

@@ -87,7 +87,7 @@ def test_findings_come_in_the_files_order() -> None:
 
 
 ELSEWHERE = """TOO_LARGE TOO_LATE NO_CHANNEL NOT_DESIGNED NEVER_HEARD UNBALANCED CODE NOT_SUPPORTED
-BAD_ROW"""
+BAD_ROW NO_INCLUDE NEVER_HOLDS NO_REST NEVER_TOLD NO_DEADLINE"""
 
 
 def test_every_kind_of_fault_of_a_file_is_spoilt_here() -> None:
@@ -151,9 +151,9 @@ SPOILT = (
     ('then = "arrived" }', 'then = "gone" }', Kind.BAD_ROW, "no choice 'gone'"),
     ('on = "late ask"', 'on = "late aks"', Kind.BAD_ROW, "'aks'"),
     (REGRET, "", Kind.RECEIVED_NOT_SENT, "says"),
-    (AGREED, "", Kind.SENT_NOT_RECEIVED, "no row of nav takes it"),
-    ('inform"], to', 'inform", "order refuse"], to', Kind.SENT_NOT_RECEIVED, "says order"),
-    ('"drive agree" }', '"drive agree" }' + REFUSED, Kind.RECEIVED_NOT_SENT, ""),
+    (AGREED, "", Kind.SENT_NOT_RECEIVED, "no row of nav takes `drive agree`"),
+    ('inform"], to', 'inform", "order refuse"], to', Kind.BAD_ROW, "says order"),
+    ('"drive agree" }', '"drive agree" }' + REFUSED, Kind.BAD_ROW, "takes drive refuse"),
 )
 
 

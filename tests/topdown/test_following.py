@@ -107,6 +107,20 @@ def test_a_cancel_may_cross_the_result_but_not_follow_its_own_answer() -> None:
     assert not crossed.take(Role.INITIATOR, cancel)
 
 
+def test_what_is_meant_is_what_may_be_said() -> None:
+    """A failure without a label answers the request or the cancel, which has none either; once the
+    result was said, it can only answer the cancel.
+    """
+    followed = request()
+    assert followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL))
+    for uses in ((Kind.PLAIN, Kind.CANCEL), (Kind.CANCEL,)):
+        failed = followed.read(Role.PARTICIPANT, Performative.FAILURE, "", "", (Kind.PLAIN,))
+        assert isinstance(failed, TableMessage)
+        assert failed.kinds == (Kind.PLAIN, Kind.CANCEL)
+        assert followed.sides[Role.PARTICIPANT].uses(failed) == uses
+        followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM, answers="1"))
+
+
 def test_an_answer_was_said_after_what_it_answers() -> None:
     """By its label; without one, the cancel might still be on its way when the result is said."""
     followed = request()
@@ -124,6 +138,19 @@ def test_not_understood_ends_it_at_any_point() -> None:
     assert followed.take(Role.PARTICIPANT, TableMessage(Performative.INFORM))
     assert followed.states == (NOT_UNDERSTOOD, "done")
     assert not followed.take(Role.INITIATOR, TableMessage(Performative.CANCEL, label="2"))
+
+
+def test_a_not_understood_is_not_answered_by_another() -> None:
+    """Its label in in-reply-to proves that it was read, and so that the conversation had ended; two
+    that cross are legal.
+    """
+    for answers, legal in (("", True), ("1", True), ("3", False)):
+        followed = request()
+        ended = TableMessage(Performative.NOT_UNDERSTOOD, label="3")
+        assert followed.take(Role.PARTICIPANT, ended)
+        act = Performative.NOT_UNDERSTOOD
+        read = followed.read(Role.INITIATOR, act, "", answers, (Kind.PLAIN,))
+        assert (not isinstance(read, str) and followed.take(Role.INITIATOR, read)) == legal
 
 
 def test_a_question_asked_again_may_be_answered_again() -> None:

@@ -15,15 +15,18 @@ from topdown.check import check
 from topdown.check.recorded import Observed
 from topdown.model import loading
 from topdown.model.design import Design
-from topdown.model.elements import DesignFile
+from topdown.model.elements import CHANGES, FORMAT, DesignFile, Row
 from topdown.model.findings import Kind
+from topdown.model.machines import Cause
 
 PAGE = (Path(__file__).resolve().parents[2] / "docs/design/format.md").read_text(encoding="utf-8")
 WORDS = {str: "text", bool: "true or false", int: "integer", float: "number"}
-ROW = re.compile(
-    r"^\| `(?P<name>[\w-]+)` \| (?P<type>.+?) \| (?P<default>.+?) \| (?P<meaning>.+?) \|$",
+FIELD = re.compile(
+    r"^- (?P<names>`[\w-]+`(?:, `[\w-]+`)*)(?: \((?P<brackets>.+?)\))?(?:: (?P<meaning>.+))?$",
     re.MULTILINE,
 )
+SHARED = {"name", "text", "ruling"}
+"""Fields that the page explains once for all entries."""
 EXAMPLES = re.findall(r"```toml\n(.*?)```", PAGE, re.DOTALL)
 
 
@@ -59,41 +62,67 @@ def default(field: msgspec.structs.FieldInfo) -> str:
     return str(value).lower() if isinstance(value, bool) else f"{value:g}"
 
 
+def brackets(kind: Any, field: msgspec.structs.FieldInfo) -> str:
+    """Type and default as the page says them behind a field: nothing for a required text."""
+    said = {"required": "", "none": "optional"}.get(default(field), f"default {default(field)}")
+    return ", ".join(part for part in (words(kind), said) if part not in ("text", ""))
+
+
 def section(title: str) -> str:
-    """The text under a heading."""
+    """The text under a heading, each item of a list on one line."""
     found = re.search(rf"^## {re.escape(title)}\n(.*?)(?=^## |\Z)", PAGE, re.MULTILINE | re.DOTALL)
     assert found, f"docs/design/format.md has no section {title}"
-    return found.group(1)
+    return found.group(1).replace("\n  ", " ")
 
 
 def test_every_field_is_documented_and_no_other() -> None:
-    """Name, type and default are those of the code; every field has a meaning."""
+    """Name, type and default are those of the code; a field has a meaning, or a link to one."""
     for kind in structs():
         told = {
-            row["name"]: (row["type"], row["default"])
-            for row in ROW.finditer(section(kind.__name__))
+            name: (row["brackets"] or "", row["meaning"])
+            for row in FIELD.finditer(section(kind.__name__))
+            for name in re.findall(r"`(.+?)`", row["names"])
         }
         hints, fields = get_type_hints(kind), msgspec.structs.fields(kind)
-        made = {field.encode_name: (words(hints[field.name]), default(field)) for field in fields}
-        assert told == made, kind.__name__
+        made = {field.encode_name: brackets(hints[field.name], field) for field in fields}
+        assert {name: said for name, (said, _) in told.items()} == made, kind.__name__
+        silent = {
+            name for name, (said, meaning) in told.items() if not meaning and "](#" not in said
+        }
+        assert silent <= SHARED, kind.__name__
 
 
 def test_every_section_of_an_entry_is_one_of_the_code() -> None:
     """A kind of entry that is gone leaves no section behind."""
-    titles = {
-        title
-        for title in re.findall(r"^## (\w+)$", PAGE, re.MULTILINE)
-        if ROW.search(section(title))
-    }
-    assert titles == {kind.__name__ for kind in structs()}
+    titles = set(re.findall(r"^## (\w+)$", PAGE, re.MULTILINE))
+    assert titles - {"Formats", "Events"} == {kind.__name__ for kind in structs()}
 
 
 def test_every_finding_is_documented() -> None:
-    """By its name, with its reason."""
+    """By its name, once."""
     told = re.findall(
-        r"^\| ([^|`]+?) \| [^|]+ \|$", section("Findings of `roco design check`"), re.MULTILINE
+        r"^- ([^:\n]+)(?:: .+)?$", section("Findings of `roco design check`"), re.MULTILINE
     )
-    assert set(told) - {"Finding", "---"} == set(Kind)
+    assert sorted(told) == sorted(Kind)
+
+
+def test_every_format_is_documented() -> None:
+    """With its sentence of what changed."""
+    told = re.findall(r"^- (\d+): (.+)$", section("Formats"), re.MULTILINE)
+    assert told[0][0] == "1"
+    assert {int(number): words for number, words in told[1:]} == CHANGES
+    assert max(CHANGES) == FORMAT
+
+
+def test_every_event_is_documented_with_a_row() -> None:
+    """The row has that event."""
+    told = re.findall(r"^- `(.+?)`: .+ `(\{.+\})`$", section("Events"), re.MULTILINE)
+    events = {}
+    for event, row in told:
+        (read,) = msgspec.convert(tomllib.loads(f"row = [{row}]")["row"], list[Row])
+        events[event.partition(" ")[0]] = read.on.partition(" ")[0]
+    assert events.pop("USE") == "order"
+    assert events == {cause: cause for cause in set(Cause) - {Cause.TAKE}}
 
 
 def test_the_least_design_is_one() -> None:

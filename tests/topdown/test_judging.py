@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from fipa_codec.communicate import Communicate, encode
-from fipa_codec.languages import Language, Languages
+from fipa_codec.languages import REASON, Language, Languages, Reason
 from fipa_codec.performatives import Performative as P
 from topdown.judge.judge import PATIENCE_S, Judge
 from topdown.judge.verdicts import Judgement
@@ -16,6 +16,8 @@ from topdown.judge.verdicts import Verdict as V
 from topdown.model.design import Design, load
 
 DESIGN = """
+format = 2
+
 [system]
 name = "yard"
 root = "Y"
@@ -220,6 +222,67 @@ def test_no_answer_is_told_once(design: Design) -> None:
     assert yard.wait(99.0) == [V.UNANSWERED]
     assert yard.found[-1].heard.communicate.performative is P.QUERY_REF  # type: ignore[union-attr]
     assert yard.wait(200.0) == []
+
+
+def test_what_asks_for_nothing_is_not_unanswered(design: Design) -> None:
+    """Nobody can answer an agree, so its reply-by makes nothing late either."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    assert yard.say(P.AGREE, 1.1, "1", in_reply_to="1", reply_by=2.0) == [V.LEGAL]
+    assert yard.wait(50.0) == []
+    assert yard.say(P.INFORM, 60.0, "2", in_reply_to="1") == [V.LEGAL]
+
+
+@pytest.mark.parametrize(
+    ("cancelled", "cancel_by", "unanswered"),
+    [
+        (1.5, None, []),
+        (2.0, 5.0, [P.CANCEL]),
+        (2.1, None, [P.REQUEST]),
+        (2.1, 5.0, [P.REQUEST, P.CANCEL]),
+    ],
+)
+def test_a_cancel_in_time_takes_the_question_back(
+    design: Design, cancelled: float, cancel_by: float | None, unanswered: list[P]
+) -> None:
+    """Nobody waits for the answer to the question then; to the cancel one does."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1", reply_by=2.0)
+    yard.say(P.CANCEL, cancelled, "2", reply_by=cancel_by)
+    assert yard.wait(99.0) == [V.UNANSWERED] * len(unanswered)
+    told = [one.heard.communicate for one in yard.found if one.verdict is V.UNANSWERED]
+    assert [one.performative for one in told if one is not None] == unanswered
+
+
+def test_who_has_ended_owes_no_answer(design: Design) -> None:
+    """A cancel that crosses a not-understood waits for nobody."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1")
+    words = {"language": REASON.name, "content": REASON.encode(Reason("what?"))}
+    assert yard.say(P.NOT_UNDERSTOOD, 1.1, "1", in_reply_to="1", **words) == [V.LEGAL]
+    assert yard.say(P.CANCEL, 1.1, "2", reply_by=2.0) == [V.LEGAL]
+    assert yard.wait(99.0) == []
+
+
+def test_an_answer_to_a_cancel_has_a_deadline_of_its_own(design: Design) -> None:
+    """An agree that crosses the cancel is none; and the time of the request is not the cancel's."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1", reply_by=9.0)
+    yard.say(P.CANCEL, 1.1, "2", reply_by=2.0)
+    assert yard.say(P.AGREE, 1.2, "1", in_reply_to="1") == [V.LEGAL]
+    assert yard.say(P.INFORM, 2.5, "2", in_reply_to="2", content=msgspec.UNSET) == [
+        V.WRONG_LANGUAGE,
+        V.LATE,
+    ]
+    assert yard.found[-1].why.startswith("0.500 s after the reply-by of cancel 2")
+
+
+def test_beside_a_cancel_without_a_label_an_agree_answers_the_request(design: Design) -> None:
+    """Neither has a label that tells; the tables do."""
+    yard = Yard(design)
+    yard.say(P.REQUEST, 1.0, "1", reply_by=2.0)
+    yard.say(P.CANCEL, 1.1, "2", reply_with="", reply_by=9.0)
+    assert yard.say(P.AGREE, 3.0, "1") == [V.LATE]
 
 
 def test_nobody_waits_for_the_answer_to_a_dead_agents_question(design: Design) -> None:

@@ -4,9 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from topdown.check import check
 from topdown.model import loading
-from topdown.model.elements import Agent, Parameter, ParameterType
+from topdown.model.design import Design
+from topdown.model.elements import CHANGES, Agent, Parameter, ParameterType
 from topdown.model.errors import DesignError, NoSuchParameter, ParameterError
+from topdown.model.findings import Kind
 from topdown.model.parameters import Parameters, worded
 
 SMALL = Path(__file__).with_name("lamp.toml").read_text()
@@ -27,7 +30,7 @@ def test_a_good_file_is_read() -> None:
 def test_a_wrong_value_is_named_with_its_line() -> None:
     """The error has file, line, field and the type wanted."""
     for old, new, field, right in (
-        ("durable = true", 'durable = "yes"', "protocol[0].durable", "bool"),
+        ("durable = true", 'durable = "yes"', "protocol[0].durable", "it must be true or false"),
         (
             'performative = "inform"',
             'performative = "shout"',
@@ -38,10 +41,23 @@ def test_a_wrong_value_is_named_with_its_line() -> None:
             "bytes = 100\n\n[[agent]]",
             "bytes = 1.5\n\n[[agent]]",
             "protocol[0].message[1].bytes",
-            "int",
+            "it must be an integer",
         ),
-        ('text = "switch a lamp"', "text = 3", "requirement[0].text", "str"),
-        ('root = "all"', "root = 1", "system.root", "str"),
+        ('text = "switch a lamp"', "text = 3", "requirement[0].text", "it must be text"),
+        ('root = "all"', "root = 1", "system.root", "it must be text"),
+        (
+            'into = ["hand", "lamp"]',
+            'into = ["hand", "lamp", "cord"]',
+            "step[0].divide.into",
+            "exactly two halves: write into = [",
+        ),
+        (
+            'between = ["hand", "lamp"]',
+            'between = ["hand", "lamp", "cord"]',
+            "step[0].channels[0].between",
+            "it must be a list of exactly 2: each text",
+        ),
+        ('requirements = ["R1"]', "requirements = [1]", "step[0].requirements[0]", "be text"),
     ):
         text = SMALL.replace(old, new)
         with pytest.raises(DesignError) as caught:
@@ -64,12 +80,32 @@ def test_a_misspelt_field_names_the_fields_there_are() -> None:
 
 def test_an_entry_that_has_another_name_now_is_told_that_name() -> None:
     """With its line: a design that was written before is mended by one word."""
+    with pytest.raises(DesignError, match="it is gone"):
+        loading.read(SMALL + '[[claim]]\nname = "bytes"\n')
     with pytest.raises(DesignError) as caught:
         loading.read(SMALL + '[[house]]\nkind = "alive"\n')
     assert (caught.value.line, caught.value.right) == (
         SMALL.count("\n") + 1,
         "it is called [[signal]] now",
     )
+
+
+def test_a_file_of_an_older_format_is_read_and_told_what_changed() -> None:
+    """By one finding, at [system], which says what to write."""
+    text = SMALL.replace("format = 2\n\n", "")
+    (finding,) = check(Design(loading.read(text), "lamp.toml", text))
+    assert (finding.kind, finding.line) == (Kind.OLD_FORMAT, line_of(text, "[system]"))
+    assert CHANGES[2] in finding.wrong
+    assert "`format = 2`" in finding.right
+
+
+def test_a_format_that_is_not_known_is_refused() -> None:
+    """Before whatever else a newer file has."""
+    for number in ("0", "3", '"2"'):
+        with pytest.raises(DesignError) as caught:
+            loading.read(SMALL.replace("format = 2", f"format = {number}\nnewer = 1"))
+        assert (caught.value.field, caught.value.line) == ("format", line_of(SMALL, "format = 2"))
+        assert "formats 1 to 2" in caught.value.right
 
 
 def test_a_missing_field_points_at_its_entry() -> None:

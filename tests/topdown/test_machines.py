@@ -3,11 +3,27 @@ one that is wrong.
 """
 
 import pytest
-from small import HAND, LAMP, WATCHED, design, fleet, instead, kinds, machine, row, watching, wrong
+from small import (
+    HAND,
+    LAMP,
+    WATCHED,
+    design,
+    fleet,
+    found,
+    instead,
+    kinds,
+    labels,
+    machine,
+    row,
+    watching,
+    wrong,
+)
 
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative as P
 from fipa_codec.tables import Role
+from topdown.check import talks
+from topdown.model.design import Design
 from topdown.model.errors import DesignError
 from topdown.model.machines import Cause, Event, Guard, ProtocolAct, machines
 
@@ -45,7 +61,7 @@ def test_every_field_of_a_row_is_kept() -> None:
     assert one.when == (asked, Guard("watch", frozenset({"settled"})))
     assert (one.drop, one.owes, one.waits) == (("ask",), ("watch",), ("switch",))
     assert (one.moves, one.to, one.several) == ("switch", "busy", True)
-    assert str(one) == "row 1 (on own done say switch agree, switch inform, to busy)"
+    assert str(one) == "row 1 (on own done say switch agree, switch inform, owes watch, to busy)"
 
 
 CHOICE = (
@@ -78,7 +94,7 @@ def test_a_row_that_cannot_be_read_is_named() -> None:
         ('on = "switch"', "'switch': ", 'write "USE act"'),
         ('on = "restart now"', "no protocol 'restart'", "switch"),
         ('on = "late swich"', "no protocol 'swich'", "switch"),
-        ('on = "back lump"', "no agent 'lump'", "there are hand, lamp"),
+        ('on = "back lump"', "`back lump` is about no peer of hand", "peers are lamp"),
         ('to = "wating"', "no state 'wating'", "waiting"),
         ('then = "next"', "no choice 'next'", "there are none"),
         ('say = ["swich request"]', "no protocol 'swich'", "switch"),
@@ -90,7 +106,7 @@ def test_a_row_that_cannot_be_read_is_named() -> None:
         ('owes = ["watch"]', "no latest protocol", "there are none"),
         ('moves = "lift"', "no protocol 'lift'", "switch"),
         ('waits = ["lift"]', "no protocol 'lift'", "switch"),
-        ('when = ["swich none"]', "no protocol 'swich'", "switch"),
+        ('when = ["swich none"]', "guard 'swich none' begins with no protocol", "switch"),
         ('when = ["switch asked|gone"]', "no state of switch 'gone'", "cancelling"),
         ('when = ["switch"]', "no state of switch ''", "settled"),
     ):
@@ -103,11 +119,11 @@ def test_a_row_that_cannot_be_read_is_named() -> None:
         assert (caught.value.field, caught.value.file) == ("agent hand, row 2", "small.toml")
 
 
-def test_a_way_of_a_choice_that_cannot_be_read_is_named_by_its_row() -> None:
-    """It has no line of its own."""
+def test_a_way_of_a_choice_that_cannot_be_read_is_named() -> None:
+    """Whichever rows go on with it, and if none does."""
     way = '{ name = "next", ways = [{ to = "wating" }] }'
-    with pytest.raises(DesignError, match="agent hand, row 1: no state 'wating'"):
-        machine("hand", ['{ in = ["idle"], on = "restart", then = "next" }'], choice=way)
+    with pytest.raises(DesignError, match="agent hand, choice next, way 1: no state 'wating'"):
+        machine("hand", ['{ in = ["idle"], on = "restart" }'], choice=way)
 
 
 def test_only_who_is_subscribed_to_owes() -> None:
@@ -181,6 +197,8 @@ def test_a_word_of_guards_is_no_state_of_a_protocol() -> None:
 # --- Rules of a design that must never be broken: read, and found broken --------------------------
 
 
+FAILS = row("busy", "own fail", owes="watch", say="watch failure", to="lit")
+"""The lamp observes something and ends the subscription in the same step."""
 RULE = """
 [[never]]
 name = "idle before it is known"
@@ -204,6 +222,30 @@ def test_a_rule_is_broken_where_all_its_conditions_hold() -> None:
         "idle before it is known: the lamp takes new subscribers only when the last one knows all"
     )
     assert wrong(watching(lamp=lamp, more=RULE), 1) == said
+
+
+def ruled(says: str, condition: str, *rows: str) -> Design:
+    """The watched lamp with these rows in front, and one rule."""
+    rule = f'[[never]]\nname = "rule"\nagent = "lamp"\nsays = ["{says}"]\nwhile = ["{condition}"]'
+    return watching(lamp=(*rows, *WATCHED), more=rule)
+
+
+def test_guards_and_while_are_evaluated_at_one_moment() -> None:
+    """After the event, which takes a message or owes an observation, before the row says
+    anything.
+    """
+    for words, holds in (("asked", True), ("none|live", False), ("live|asked", True)):
+        guarded = instead(WATCHED, '["watch agree"]', f'["watch agree"], when = ["watch {words}"]')
+        assert bool(found(watching(lamp=guarded)).findings) is not holds, words
+        made = ruled("watch agree", f"lamp watch {words}")
+        assert bool(found(made).findings) is holds, words
+        never = [one for one in talks.findings(made) if one.where == "never rule"]
+        assert not never if holds else "after the event" in never[0].wrong, words
+    for guard, holds in (("watch unsettled", True), ("watch settled", False)):
+        fails = row("busy", "own fail", owes="watch", say="watch failure", when=guard, to="lit")
+        said = any("watch failure" in one for one in labels(watching(lamp=(fails, *WATCHED))))
+        assert said is holds, guard
+    assert wrong(ruled("watch failure", "lamp owes watch", FAILS)) == "rule"
 
 
 def test_a_rule_that_cannot_be_read_is_named() -> None:

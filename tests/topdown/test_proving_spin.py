@@ -54,7 +54,7 @@ def with_queues(room):
     commands = (
         net.Command("A", "asks", (idle, empty), (ask, net.Set("a", "busy"))),
         net.Command("A", "asks again", (busy,), (ask,)),
-        net.Command("A", "cancels", (busy, net.Full("to b")), (net.Clear("to b"), stop)),
+        net.Command("A", "cancels", (busy,), (stop,)),
         net.Command("B", "serves", (asked,), serve),
         net.Command("B", "stops", (stopped,), (net.Take("to b"), net.Set("b", "off"))),
         net.Command("A", "rests", (busy, off, empty), (net.Set("a", "idle"),)),

@@ -3,7 +3,6 @@ wider.
 """
 
 import re
-import runpy
 from pathlib import Path
 
 import pytest
@@ -11,7 +10,10 @@ from msgspec.structs import replace
 
 from companion.design import DESIGN
 from topdown.check import check
+from topdown.draw import book
+from topdown.draw.document import Grid
 from topdown.model.design import Design, load
+from topdown.model.errors import NoSuchEntry
 from topdown.model.rights import (
     ROUTER,
     Action,
@@ -139,11 +141,30 @@ def test_whatever_may_be_heard_may_be_listened_to(design: Design) -> None:
             assert not heard or other.receiver == agent
 
 
-def test_the_page_has_the_matrix_of_the_design() -> None:
-    """docs/security.md shows what scripts/rights prints."""
-    script = runpy.run_path(str(ROOT / "scripts/rights"))
-    page = (ROOT / "docs/security.md").read_text(encoding="utf-8")
-    assert script["BEGIN"] + script["tables"]() + script["END"] in page
+def shown(agent: str | None = None) -> set[tuple[str, bool, str]]:
+    """The cells that `roco design show --what rights` has: identity, whether it writes, key."""
+    (section,) = book.sections(DESIGN, book.Choice((book.What.RIGHTS,), agent=agent))
+    messages, other = (part for part in section.parts if isinstance(part, Grid))
+    rows = [(f"{key}/{act}", *who) for key, acts, *who in messages.rows for act in acts.split(", ")]
+    return {
+        (name, writes, f"roco/s/{key}")
+        for key, *ends in (*rows, *other.rows)
+        for writes, names in zip((True, False), ends, strict=True)
+        for name in names.split(", ")
+    }
+
+
+def test_the_tables_show_every_right_and_no_other() -> None:
+    """Of one identity: the rows in which it is."""
+    every = {
+        (one.identity, one.action in (Action.PUT, Action.TOKEN), one.key)
+        for one in rights(DESIGN, "s")
+    }
+    assert shown() == every
+    mine = {key for name, _, key in every if name == "page"}
+    assert shown("page") == {one for one in every if one[2] in mine}
+    with pytest.raises(NoSuchEntry):
+        shown("pgae")
 
 
 def test_a_writer_with_a_reach_writes_to_no_other_peers() -> None:

@@ -9,7 +9,9 @@ from typing import Any
 
 import pytest
 
-sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[1] / "agent_runtime")]
+TESTS = Path(__file__).parents[1]
+sys.path[:0] = [str(Path(__file__).parent), str(TESTS / "agent_runtime")]
+sys.path += [str(TESTS / "operate/fipa"), str(TESTS / "fipa_codec")]
 
 from secured_fleet import secured  # noqa: E402  (after the path is set)
 from toy_fleet import Fleet  # noqa: E402

@@ -117,7 +117,14 @@ def allowed(design: Design, identity: str, action: str, key: str) -> bool:
     """
     _, _, what, *rest = key.split("/")
     if what != "_":
-        return False  # agents say it to each other
+        sender, receiver, protocol, act = rest
+        if not {sender, receiver} & design.guests.keys():
+            return False  # agents say it to each other
+        said = any((s, r, p, a) == (sender, receiver, protocol, act) for s, r, p, a in design.rules)
+        hears = identity in (receiver, *design.file.system.recorders)
+        return said and (
+            (action == "put" and identity == sender) or (action == "subscribe" and hears)
+        )
     kind, owner, *peer = rest
     signal: Signal = design.signals[kind]
     addressed = peer if "{peer}" in signal.key else []

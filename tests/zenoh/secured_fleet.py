@@ -50,6 +50,7 @@ class KeyHolder:
     def __init__(self, fleet: Processes, identity: str) -> None:
         self.session = session(fleet, identity, "co")
         self._declared: list[object] = []
+        fleet.closing.callback(self.close)
 
     def put(self, key: str, data: bytes, attachment: bytes | None = None) -> None:
         """Put on a key of the system; nothing is dropped for want of room."""

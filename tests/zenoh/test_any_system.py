@@ -107,6 +107,9 @@ CALLS: dict[str, Row] = {
     ),
     "fault heal": Row(has=("no fault goes on",)),
     "logs": Row(("-n", "0"), has=("dispatcher", "ox", "received", "performative=propose")),
+    "mcp": Row(code=2, has=("come in by MCP: none",)),
+    "a2a": Row(code=2, has=("come in by A2A: none",)),
+    "fipa": Row(code=2, has=("come in by FIPA: none",)),
     "view": Row(("--web", "--format", "json"), has=("rerun", '"live":true')),
     "top --graph": Row(("--once",), has=(*AGENTS, *CHANNELS)),
     "top": Row(("--once",), has=("serves tools", *AGENTS, *CHANNELS)),
@@ -141,7 +144,7 @@ CALLS: dict[str, Row] = {
     "conversation desk-1-1": Row(has=("desk-1-1  ", " on C2  ", "dispatcher", "agree")),
     "send": Row(("--list", "--as", "ox"), has=("JOB.Offer", "traffic", "C7")),
     "acl show": Row((ACL,), has=("inform", "ox")),
-    "runs": Row(has=("depot", "up: 8 processes", "(latest)")),
+    "runs": Row(has=("depot", "up", "8 processes", "(latest)")),
     "runs --remove": Row(("--keep", "0"), has=("no run is removed",)),  # it is up
     "down": Row(has=("ended forks, router, monitor, desk, dispatcher, traffic, mule, ox",)),
     # What is asked of a run that has ended.
@@ -402,7 +405,7 @@ def test_a_new_project_is_operated_at_once(tmp_path: Path) -> None:
         # its stubs say nothing yet
         "traffic judge": Row((RUN,), code=2, has=("has no communicates to judge",)),
         "send": Row(("--list",), has=("asker", "doer")),
-        "runs": Row(has=("shop", "up: 5 processes", "(latest)")),
+        "runs": Row(has=("shop", "up", "5 processes", "(latest)")),
         "runs --remove": Row(("--keep", "0"), has=("no run is removed",)),  # it is up
         "down": Row(has=("ended forks, router, monitor, asker, doer",)),
     }

@@ -221,6 +221,25 @@ def test_an_interrupted_scenario_heals_all_of_its_faults(depot: Depot) -> None:
     assert texts == {"mule": healed, "ox": healed, "desk": "did not begin"}
 
 
+def test_a_process_is_killed_again_and_again(depot: Depot) -> None:
+    """Each kill is done, also where the process restarts when its fault is asked for; the list has
+    them in the order of time.
+    """
+    told = depot.roco("fault kill ox --every 2 --times 3 --format json")
+    *each, figures = map(json.loads, told.splitlines())
+    assert [one["text"] for one in each] == ["back"] * 3
+    assert (figures["asked"], figures["done"]) == (3, 3)
+    assert 0 < figures["median_s"] <= figures["longest_s"] < figures["span_s"]
+    entry = '[[fault]]\nkind = "kill"\ntarget = "ox"\nat = {}\n'
+    (depot.folder / "often.toml").write_text("".join(map(entry.format, (4, 0, 2))))
+    told = depot.roco("fault run often.toml")
+    moments = [line.split()[3] for line in told.splitlines() if line.endswith("begun")]
+    assert len(moments) == 3
+    assert moments == sorted(moments)
+    begun = [one["began"] for one in depot.json("fault list")["faults"] if one.get("began")]
+    assert begun == sorted(begun)
+
+
 REFUSED = {
     "flood desk --as ox": (2, "ox says nothing to desk; it talks with dispatcher, traffic"),
     "flood desk --as cow": (2, "'cow' is not an agent of depot"),

@@ -32,7 +32,7 @@ MOST_LINES = 30
 REQUIREMENT = """
 [[requirement]]
 id = "R7"
-parent = "R2"
+parent = "R1"
 text = "say what a transport costs"
 
 # --- the steps"""
@@ -104,6 +104,10 @@ on = "price inform"
 [[agent.row]]
 in = ["listening", "waiting"]
 on = "price refuse"
+
+[[agent.row]]
+in = ["listening", "waiting"]
+on = "late price"
 """
 TARIFF = """
 [[agent]]

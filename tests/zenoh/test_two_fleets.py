@@ -15,8 +15,9 @@ import pytest
 from toy_fleet import wait_for
 
 from agent_runtime.io.sessions import free_endpoint
+from companion.telemetry import TrueState
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import truth
+from companion.tools.telemetry import every
 from companion.tools.verbs.hi import Hi, address
 from console.fleet import starting
 from console.fleet.local import Local
@@ -119,7 +120,7 @@ def test_each_robot_does_what_it_was_told(site: Site) -> None:
         assert past.said
         assert not [hole for hole in past.holes if hole.communicates], past.holes
         assert not past.garbage
-        fingers = truth(past)[-1][1].fingers_on
+        fingers = every(past, TrueState)[-1][1].fingers_on
         held = {what for what, sides in fingers.items() if max(sides.values()) >= 3}
         assert held == {thing}, name
         report = msgspec.json.decode((run / "report.json").read_bytes())

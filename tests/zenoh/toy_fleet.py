@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -83,6 +83,10 @@ class Fleet:
         )
         self.agents = dict(zip(agents, others, strict=True))
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
+        self.closing = ExitStack()
+        """What is closed at the end, also where a test fails: with a session open, this process
+        would not end.
+        """
 
     def start(self, *names: str) -> None:
         """Start processes (router, agents of the script) side by side, each with its output in a
@@ -130,7 +134,8 @@ class Fleet:
         return process.wait(DEADLINE_S)
 
     def end(self) -> None:
-        """Kill what still runs."""
+        """Kill what still runs, and close what was opened with it."""
+        self.closing.close()
         for name in list(self.processes):
             self.kill(name)
 

@@ -1,36 +1,17 @@
-"""Parts of hot loops in C, for machines with a compiler: `python -m velma.compiled` builds them.
-
-Without the library everything runs by the plain code, slower and with the same results, which tests
-compare. Its file name carries a checksum of the sources and the architecture, so that no other
-library is loaded. ROCO_PLAIN=1 leaves it out.
+"""Parts of hot loops of the planner and the control loop in C: `python -m velma.compiled` builds
+them (c_library).
 """
 
-import ctypes
-import os
-import platform
-import zlib
 from functools import cache
 from pathlib import Path
 
-FOLDER = Path(__file__).parent
-SOURCES = tuple(sorted(FOLDER.glob("*.[ch]")))
+from c_library import CLibrary
 
-
-def built() -> Path:
-    """Return where the library of these sources is, or would be."""
-    checksum = zlib.crc32(b"".join(source.read_bytes() for source in SOURCES))
-    return FOLDER / f"velma-{checksum:08x}-{platform.machine()}.so"
-
-
-@cache
-def library() -> ctypes.CDLL | None:
-    """Return the library; None if it was not built, does not load here, or ROCO_PLAIN is set."""
-    if os.environ.get("ROCO_PLAIN"):
-        return None
-    try:
-        return ctypes.CDLL(str(built()))
-    except OSError:
-        return None
+LIBRARY = CLibrary("velma", Path(__file__).parent, ("-ffp-contract=off", "-lm"))
+"""Without contraction a product and a sum are rounded as in numpy, so that the plain code can be
+compared exactly.
+"""
+library = cache(LIBRARY.load)
 
 
 def fields(*of_a_type: tuple[type, str]) -> tuple[tuple[str, type], ...]:

@@ -1,5 +1,5 @@
-"""Finds markers in a picture: OpenCV's ArUco detector with whole-pixel corners, which `edges` then
-makes finer.
+"""Finds markers in a picture: OpenCV's ArUco detector with whole-pixel corners, refined by lines
+that are fitted to the edges.
 
 The detector's own refinement (CORNER_REFINE_SUBPIX) is not used: its corners are off by 0.4 pixels,
 ten times as much as those of an edge fit (docs/decisions/2026-11-25-eyes.md).

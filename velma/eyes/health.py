@@ -43,7 +43,8 @@ that kept its shape. In the 415 of those looks that show enough furniture: rotat
 MOST_OFF = 0.02
 """Largest offset with which poses are taken and an arm moves [rad]: a thing 1.1 m from the camera
 is 22 mm beside. With a camera that errs by up to 0.01 on each axis, 0.017 in all, 10 of 10 pours
-were done (docs/scenes.md); as it looks from side to side, furniture seems to turn by as much.
+were done (docs/results/disturbances.md); as it looks from side to side, furniture seems to turn by
+as much.
 """
 
 

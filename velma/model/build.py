@@ -17,6 +17,7 @@ from xml.etree import ElementTree as ET
 
 import yaml
 
+from velma.model.tree import LOOK_CLASS, ROBOT_XML
 from velma.names import FINGERS, SIDES
 
 # --- Which bodies can collide, as classes of geoms and excluded pairs -----------------------------
@@ -41,7 +42,6 @@ ROBOT_CLASS = {"trunk": "arm", "arm": "arm", "head": "arm", "hand": "hand", "fin
 
 # Renderers show groups 0 to 2 by default; visual shapes are drawn in place of contact shapes.
 SHAPE_GROUP, LOOK_GROUP = "3", "1"
-LOOK_CLASS = "look"
 
 # Shapes of forearm and hand overlap at their joint; pairs of a chain this close are never compared.
 # From two links further on the wrist can turn the hand into the forearm, and they are compared.
@@ -265,7 +265,6 @@ def _text(numbers: Sequence[float]) -> str:
 
 
 HERE = Path(__file__).parent
-ROBOT_XML = HERE / "robot.xml"
 
 Numbers = Sequence[float]
 Tree = Mapping[str, Any]  # as it stands in robot.yaml

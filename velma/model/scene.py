@@ -216,7 +216,7 @@ class Scene(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 # A wrong unit is found, not every wrong number.
-_MOST_NOISE = (
+MOST_NOISE = (
     ("position", "metres", 0.1),
     ("force", "newtons", 10.0),
     ("force_bias", "newtons", 50.0),
@@ -292,7 +292,7 @@ def checked(scene: Scene) -> Scene:
 
 
 def _check_noise(noise: Noise) -> None:
-    for name, unit, most in _MOST_NOISE:
+    for name, unit, most in MOST_NOISE:
         if not 0 <= getattr(noise, name) <= most:
             raise SceneError(f"noise.{name}", getattr(noise, name), f"{unit}, from 0 to {most:g}")
 

@@ -13,8 +13,6 @@ import numpy as np
 
 from velma.model import surfaces
 from velma.model.build import (
-    LOOK_CLASS,
-    ROBOT_XML,
     SHAPE_GROUP,
     Kind,
     add_class,
@@ -24,6 +22,7 @@ from velma.model.build import (
 )
 from velma.model.kinds import BOXES, CABINETS, DOORS, TABLES, Model, Numbers, objects
 from velma.model.scene import Content, Scene, SceneObject, Vector
+from velma.model.tree import LOOK_CLASS, ROBOT_XML
 from velma.names import FT_BODY
 
 WRIST_SENSORS = ("force", "torque")

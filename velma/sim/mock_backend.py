@@ -4,6 +4,7 @@ import numpy as np
 
 from velma.names import (
     DISTAL_UPPER,
+    FINGER_SPEED,
     FINGER_UPPER,
     HEAD_LOWER,
     HEAD_UPPER,
@@ -17,7 +18,6 @@ from velma.sim.backend import PERIOD_S, Array, Command, State, at_rest
 # A light joint with heavy friction: it creeps when pushed and stops at once. Per joint, kg m2 and
 # Nms/rad.
 INERTIA, FRICTION = 1.0, 20.0
-FINGER_SPEED = 3.27  # rad/s, BHR
 
 
 class MockBackend:

@@ -15,7 +15,7 @@ from services.executor.loop.link import Slot
 from services.executor.loop.process import LoopProcess, Pacer
 from velma.control import safety
 from velma.control.dynamics import Dynamics
-from velma.model.build import ROBOT_XML
+from velma.model.tree import ROBOT_XML
 from velma.names import TORQUE, Array
 from velma.sim.backend import Backend, State, no_command
 

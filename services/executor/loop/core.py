@@ -36,7 +36,7 @@ from velma.control.cartesian import CartesianGains, CartesianImpedance
 from velma.control.dynamics import Dynamics, Terms
 from velma.control.joint import JointGains
 from velma.errors import MotionError, VelmaError
-from velma.model.build import ROBOT_XML
+from velma.model.tree import ROBOT_XML
 from velma.names import BODY, LOWER, SPEED, UPPER, Array
 from velma.ranges import MOST_KG, MOST_LEVER_M
 from velma.sim.backend import Backend, Command, State, no_command
@@ -498,13 +498,15 @@ class LoopCore:
         """
         if off := _not_followed(joints, JOINT_OFF):
             return off
-        for row, (side, command) in enumerate(zip(names.SIDES, asked.hands(), strict=True)):
-            parts = error[6 * row : 6 * row + 6].reshape(2, 3)
+        hands = zip(
+            names.SIDES, asked.hands(), error.reshape(2, 2, 3), self.state.proximal, strict=True
+        )
+        for side, command, parts, fingers in hands:
             away, turned = (float(np.linalg.norm(part)) for part in parts)
             if away > HAND_OFF_M or turned > HAND_OFF:
                 return (fact(Kind.HAND_OFF, side, away, turned),)
             if isinstance(command, Move):
-                bent = np.abs(self.state.proximal[row] - command.fingers)
+                bent = np.abs(fingers - command.fingers)
                 if bent.max() > FINGER_OFF:
                     number = int(np.argmax(bent)) + 1
                     return (fact(Kind.FINGER_NOT_FOLLOWED, side, number, bent.max()),)

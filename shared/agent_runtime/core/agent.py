@@ -73,6 +73,14 @@ class Rows(Protocol):
         """Whether a message is taken in this state."""
         ...
 
+    def own(self, state: str) -> tuple[str, ...]:
+        """Words of the own side that rows of this state wait for; none in a state of rest."""
+        ...
+
+    def ends_wait(self, use: str) -> bool:
+        """Whether a row is for the end of the wait in a conversation that this agent opens."""
+        ...
+
     def why_not(self, deed: Deed) -> str:
         """Why a step does not fit the design; "" where it does."""
         ...

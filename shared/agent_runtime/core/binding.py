@@ -96,7 +96,10 @@ def wiring(name: str, system: str, *, design: Design, languages: Languages) -> W
     """
     design.agent(name)
     uses = [use for use in design.file.protocol if name in (use.initiator, use.participant)]
-    return Wiring(system, name, tuple(_link(name, use, design) for use in uses), languages)
+    links = tuple(_link(name, use, design) for use in uses)
+    heard = (use for use in design.guest_uses.values() if use.participant == name)
+    guests = {use.initiator: use.channel for use in heard}
+    return Wiring(system, name, links, languages, guests)
 
 
 @cache

@@ -273,7 +273,10 @@ class Effects(msgspec.Struct, frozen=True):
 
 
 class Out(msgspec.Struct, eq=False):
-    """Collects the effects while a step runs."""
+    """Collects the effects while a step runs. `took`, `about`: as a Deed tells them; `called`: the
+    event's class there, where it is not its own. `unlimited`: uses of conversations that were
+    opened without a reply-by.
+    """
 
     durable: bool = False
     record: bytes | None = None
@@ -286,6 +289,8 @@ class Out(msgspec.Struct, eq=False):
     parents: list[tuple[str, str]] = []
     took: Act | None = None
     about: str = ""
+    called: str = ""
+    unlimited: list[str] = []
 
     def fork(self) -> "Out":
         return msgspec.structs.replace(
@@ -296,6 +301,7 @@ class Out(msgspec.Struct, eq=False):
             logs=[*self.logs],
             said=[*self.said],
             parents=[*self.parents],
+            unlimited=[*self.unlimited],
         )
 
     def log(self, event: str, level: str = "info", **fields: Any) -> None:
@@ -305,7 +311,7 @@ class Out(msgspec.Struct, eq=False):
         """The step in the words of the design, None where no event reached the behaviour."""
         if self.handled is None:
             return None
-        event = f"{type(self.handled).__name__} {self.about}".strip()
+        event = f"{self.called or type(self.handled).__name__} {self.about}".strip()
         return Deed(before, event, self.took, tuple(self.said), after, owed)
 
     def sealed(self, more: bool, wake_at: float | None, deed: Deed | None = None) -> Effects:

@@ -18,7 +18,7 @@ import msgspec
 from msgspec.structs import replace
 
 from agent_runtime.core import control, peers, streams
-from agent_runtime.core.agent import Agent
+from agent_runtime.core.agent import Agent, Behaviour
 from agent_runtime.core.errors import AgentTableError, BehaviourError
 from agent_runtime.core.events import (
     AnyEvent,
@@ -27,11 +27,13 @@ from agent_runtime.core.events import (
     Deed,
     Effects,
     Late,
+    Local,
     Out,
     PeerChanged,
     Received,
     Woken,
 )
+from agent_runtime.core.outside import GuestHears, GuestLost
 from agent_runtime.core.reception import Verdict, What, carry_out, judge, note
 from agent_runtime.core.state import (
     CoreState,
@@ -46,6 +48,7 @@ from agent_runtime.core.state import (
 from agent_runtime.core.turn import Seen, Turn, conversation_of
 from agent_runtime.core.wiring import Delivery, Wiring
 from fipa_codec.communicate import UNREADABLE
+from fipa_codec.errors import LocalProtocolError
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import SEND, Role
@@ -54,6 +57,7 @@ M = TypeVar("M")
 CHAIN_BOUND = 16
 """States entered in one step; the paper's machines have at most 5, so more is a loop (estimate)."""
 OUTSIDE = "step outside the design"
+ENDLESS = "opened {use} without a reply-by, so the design's rows on `late {use}` never apply"
 UNFIT = "kept value does not fit the design"
 KNOWN_DEEDS = 1024
 """Steps known to fit the design; estimate: an agent of the paper has some hundred different
@@ -197,6 +201,11 @@ class Core(Generic[M]):
                 out.log(OUTSIDE, level="error", why=why)
             elif len(self._designed) < KNOWN_DEEDS:
                 self._designed.add(deed)
+        rows = self.agent.rows
+        for use in out.unlimited:
+            if rows is not None and rows.ends_wait(use):
+                after.count(OUTSIDE)
+                out.log(OUTSIDE, level="error", why=ENDLESS.format(use=use))
         waits = None if after.paused else unended(after)
         more = waits is not None and self._next(after, now, waits) is not None
         return out.sealed(more, wake_at(after, waits, now), deed)
@@ -350,9 +359,15 @@ class Core(Generic[M]):
         out.handled = event
         if isinstance(event, PeerChanged):
             out.about = event.agent if event.incarnation is not None else ""
+        elif isinstance(event, Local):  # a word of an included system in the words of the design
+            match event.content:
+                case GuestHears(use=use, act=act, kind=kind):
+                    out.took = (use, act, kind)
+                case GuestLost(use=use):
+                    out.called, out.about = Late.__name__, use
         behaviour = self.agent.behaviours[state.state]
         turn = Turn(state, self.wiring, out, event, now)
-        state.memory = behaviour.transition(state.memory, turn)
+        state.memory = self._act(behaviour, state, turn)
         turn.event = None  # of what is done on entering the states that follow
         for _ in range(CHAIN_BOUND):
             if not (behaviour.terminal(state.memory) or behaviour.error(state.memory)):
@@ -366,9 +381,18 @@ class Core(Generic[M]):
             out.log("state", old=state.state, new=target, conversation=conversation_of(event))
             state.state = target
             behaviour = self.agent.behaviours[state.state]
-            state.memory = behaviour.transition(state.memory, turn)
+            state.memory = self._act(behaviour, state, turn)
         agent, what = self.agent.name, f"entered {CHAIN_BOUND} states in one step"
         raise BehaviourError(agent, state.state, what, "some state must wait for an event")
+
+    def _act(self, behaviour: Behaviour[M], state: CoreState, turn: Turn) -> M:
+        """Run the behaviour once; what it may not say is told with the agent and its state."""
+        try:
+            return behaviour.transition(state.memory, turn)
+        except LocalProtocolError as error:
+            where = f"agent {self.agent.name!r} in state {state.state!r}"
+            field = f"{where}, {error.field}" if error.field else where
+            raise LocalProtocolError(field, error.reason) from error
 
     def _check_owed(self, before: CoreState, state: CoreState) -> None:
         """Raise where a message that the protocol demands in the same step was not said."""

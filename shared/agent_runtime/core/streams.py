@@ -75,7 +75,7 @@ def _named(state: CoreState, peer: str) -> bool:
 
 def next_id(state: CoreState, peer: str, durable: bool) -> str:
     """The id of the next message to `peer`: its number in the stream, or a fresh name."""
-    return str(state.issued.get(peer, 0) + 1) if durable else state.name()
+    return str(state.issued.get(peer, 0) + _ahead(state, peer)) if durable else state.name()
 
 
 def crowded(state: CoreState) -> bool:
@@ -467,10 +467,10 @@ def tell(state: CoreState, out: Out, communicate: Communicate, what: str) -> Non
 # Whoever has this agent's key can do so. The receiver's receipt names the message that it took by
 # its digest, or says that one was refused. Order is kept: what follows a
 # refused message in the outbox gets new numbers, too, and each message says which one it follows.
-# With each message that is refused the new numbers lie farther ahead, so a thief who always uses
-# the next number is passed; after AT_ONCE tries without one that is taken, the next is made when it
-# is time to re-send. Where the receiver cannot know any more whether a message was taken, it is not
-# sent again: its conversation is lost, and the behaviour is told.
+# With each message that is refused or given up the new numbers lie farther ahead, so a thief who
+# always uses the next number is passed; after AT_ONCE tries without one that is taken, the next is
+# made when it is time to re-send. Where the receiver cannot know any more whether a message was
+# taken, it is not sent again: its conversation is lost, and the behaviour is told.
 
 
 AT_ONCE = 5
@@ -518,7 +518,7 @@ def _renumber(state: CoreState, out: Out, peer: str, place: int, taken: int, now
     sent, soft = state.outbox[peer], state.soft
     tries = soft.renumbered.get(peer, 0)
     kept = sent[:place]
-    first = max(taken, kept[-1].number if kept else 0) + min(FARTHER**tries, JUMP // 2)
+    first = max(taken, kept[-1].number if kept else 0) + _ahead(state, peer)
     again = enumerate((one.communicate for one in sent[place:]), first)
     moved = tuple(Outgoing(number, replace(one, id=str(number))) for number, one in again)
     why = (
@@ -534,6 +534,11 @@ def _renumber(state: CoreState, out: Out, peer: str, place: int, taken: int, now
         for one in moved:
             send(state, out, one.communicate)
         soft.resend[peer] = (now + RESEND_FIRST, RESEND_FIRST)
+
+
+def _ahead(state: CoreState, peer: str) -> int:
+    """How far beyond the last number the next one lies."""
+    return int(min(FARTHER ** state.soft.renumbered.get(peer, 0), JUMP // 2))
 
 
 def _give_up(state: CoreState, out: Out, peer: str, place: int, taken: int, now: float) -> None:
@@ -560,8 +565,9 @@ def _give_up(state: CoreState, out: Out, peer: str, place: int, taken: int, now:
     out.durable = True
     if rest:
         _renumber(state, out, peer, place, taken, now)
-    else:
+    else:  # what is said next lies beyond the thief's numbers, though he goes on meanwhile
         state.issued[peer] = max(taken, state.issued[peer])
+        state.soft.renumbered[peer] = state.soft.renumbered.get(peer, 0) + 1
 
 
 def _tell(state: CoreState, out: Out, peer: str, what: str) -> None:

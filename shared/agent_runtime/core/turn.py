@@ -24,6 +24,7 @@ from agent_runtime.core.events import (
     Started,
     Woken,
 )
+from agent_runtime.core.outside import GuestSays
 from agent_runtime.core.state import CoreState, Due, Held, anybodys
 from agent_runtime.core.wiring import Delivery, Link, Wiring
 from fipa_codec.communicate import Communicate
@@ -152,7 +153,7 @@ class Turn(msgspec.Struct, eq=False):
         lost = self._state.lost.get(conversation) or self._state.lost.get(f"{conversation} {to}")
         if lost is not None and not self.holds(conversation, to):
             return lost.held.conversation
-        held = self._held(conversation, to)
+        held = self._held(conversation, to, f"said {performative}, but ")
         link = self._wiring.required(held.conversation.peer, held.conversation.protocol)
         reply_by = None if reply_by_s is None else self.now + reply_by_s
         if reply_by is not None:
@@ -232,9 +233,11 @@ class Turn(msgspec.Struct, eq=False):
 
     def tell(self, content: Any) -> None:
         """Hand a Struct to the agent's own devices (worker, loop, HTTP), after the record is on the
-        disk.
+        disk. GuestSays is said in a use of an included system.
         """
         self._out.tells.append(content)
+        if isinstance(content, GuestSays):
+            self._out.said.append((content.use, content.act, _PLAIN))
 
     def wake(self, name: str, at: float) -> None:
         """Raise Woken(name) at `at` [unix s]; a second call with the name moves it. It survives a
@@ -309,6 +312,8 @@ class Turn(msgspec.Struct, eq=False):
         link = self._wiring.required(to, protocol)
         talk = Conversation.open(protocol, _INITIATOR, id=name, me=self._state.agent, peer=to)
         reply_by = None if reply_by_s is None else self.now + reply_by_s
+        if reply_by is None:
+            self._out.unlimited.append(link.use)
         held = Held(talk, link.delivery, reply_by=reply_by, several=several)
         return self._speak(held, link, performative, content, reply_by=reply_by)
 
@@ -344,12 +349,12 @@ class Turn(msgspec.Struct, eq=False):
         dispatch(state, out, self._wiring, replace(held, conversation=talk), communicate, self.now)
         return talk
 
-    def _held(self, conversation: str, to: str = "") -> Held:
+    def _held(self, conversation: str, to: str = "", did: str = "") -> Held:
         held = self._state.held(conversation, to)
         if held is None:
             known = ", ".join(talk.id for talk in self.conversations()) or "none"
             raise self._error(
-                f"conversation {conversation!r} is not open",
+                f"{did}conversation {conversation!r} is not open",
                 f"open are {known}; ask turn.holds() first",
             )
         return held

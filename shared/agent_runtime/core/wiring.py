@@ -104,12 +104,16 @@ def _misfit(
 class Wiring(msgspec.Struct, frozen=True, dict=True):
     """All links of `agent` in `system`, and the system's languages. Raises LocalProtocolError for
     an invalid name.
+
+    `guests`: guests of the design that may speak to it -> the channel of each. They are no peers:
+    what they say reaches a door of the agent's process, not its inbox (agent_runtime.io.guests).
     """
 
     system: str
     agent: str
     links: tuple[Link, ...]
     languages: Languages
+    guests: dict[str, str] = {}
 
     def __post_init__(self) -> None:
         """Raise LocalProtocolError for names that cannot stand in a communicate or an address."""

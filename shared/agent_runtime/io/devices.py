@@ -8,6 +8,8 @@ are wired alike in both.
 from collections.abc import Callable, Iterable
 from typing import Any, Protocol
 
+from fipa_codec.communicate import Communicate
+
 
 class Post(Protocol):
     """A device's way to its agent and to people; may be used on any thread and never blocks."""
@@ -24,6 +26,14 @@ class Post(Protocol):
         """Have `on_data` called with what others put on their keys of this kind for the agent, on
         any thread; it must only keep it.
         """
+
+    def hear_guests(self, on_data: Callable[[str, bytes], None]) -> None:
+        """Have `on_data` called with key and bytes of what guests of the design say to the agent,
+        on any thread.
+        """
+
+    def say_to_guest(self, communicate: Communicate) -> None:
+        """Say something to a guest; dropped where it would have to wait."""
 
 
 class Device(Protocol):

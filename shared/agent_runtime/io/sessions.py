@@ -130,12 +130,16 @@ its router 4 times in 8 s, and not once so (benchmarks/floods.py).
 _NO_SCOUTING = {"multicast": {"enabled": False}, "gossip": {"enabled": False}}
 
 
-def client_config(endpoint: str, tls: dict[str, Any] | None = None) -> zenoh.Config:
+def client_config(
+    endpoint: str, tls: dict[str, Any] | None = None, *, timestamping: bool = False
+) -> zenoh.Config:
     """Configuration of a client of the router. `endpoint` like tcp/127.0.0.1:7447; with `tls`
-    (secured.client_tls) tls/...
+    (secured.client_tls) tls/... `timestamping`: it stamps what it puts, as caches need it.
     """
     connect = {"endpoints": [endpoint], "timeout_ms": 0, "retry": _RETRY}
-    return _config("client", _transport(tls, CLIENT_PATIENCE_MS), connect=connect)
+    stamps = {"enabled": timestamping}
+    transport = _transport(tls, CLIENT_PATIENCE_MS)
+    return _config("client", transport, connect=connect, timestamping=stamps)
 
 
 def links_config(

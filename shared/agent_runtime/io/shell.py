@@ -61,6 +61,7 @@ from agent_runtime.io.zenoh_wire import (
     ordered,
     receipt,
 )
+from fipa_codec.communicate import Communicate
 
 # --- The way of devices to their agent: what they post waits at the step lock, what they publish
 # goes onto the wire
@@ -87,6 +88,12 @@ class DevicePort:
 
     def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
         self._wire.hear(kind, on_data)
+
+    def hear_guests(self, on_data: Callable[[str, bytes], None]) -> None:
+        self._wire.hear_guests(on_data)
+
+    def say_to_guest(self, communicate: Communicate) -> None:
+        self._wire.say_to_guest(communicate)
 
 
 # --- Sums of what one agent was told too much of, and that the disk has its share: said in its log,

@@ -2,13 +2,14 @@
 systems, one session.
 
 Takes part in nothing: it sends no receipt and declares no token, so nobody waits for it. What
-agents say to each other it does not hear; their step logs have that. Callbacks of Zenoh call
-`on_sample`, which must only enqueue: while it works, every other sample waits.
+agents say to each other it does not hear; their step logs have that. What guests say and are told
+it hears. Callbacks of Zenoh call `on_sample`, which must only enqueue: while it works, every other
+sample waits.
 """
 
 import threading
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from contextlib import suppress
 from queue import Empty
 
@@ -56,7 +57,11 @@ class Tap:
     """The open subscriptions."""
 
     def __init__(
-        self, session: zenoh.Session, systems: tuple[str, ...], on_sample: Callable[[Sample], None]
+        self,
+        session: zenoh.Session,
+        systems: tuple[str, ...],
+        on_sample: Callable[[Sample], None],
+        guests: Collection[str] = (),
     ) -> None:
         self._session = session
 
@@ -72,7 +77,12 @@ class Tap:
         keys = [
             key
             for system in systems
-            for key in (service_key(system, "*", "*"), service_key(system, KIND, "*", "*"))
+            for key in (
+                service_key(system, "*", "*"),
+                service_key(system, KIND, "*", "*"),
+                *(f"roco/{system}/*/{guest}/*/*/*" for guest in guests),
+                *(f"roco/{system}/*/*/{guest}/*/*" for guest in guests),
+            )
         ]
         self._declared = (
             *(session.declare_subscriber(key, heard) for key in keys),
@@ -154,15 +164,17 @@ def open_tap(
     give_up: Callable[[], bool],
     identity: str = RECORDER,
     told: Callable[[str], None] = lambda why: None,
+    guests: Collection[str] = (),
 ) -> Tap | None:
     """A tap, as soon as the router is there; None when `give_up` says so first. `identity`: with
     keys, whose.
 
-    `told` gets the reason where it takes longer.
+    `told` gets the reason where it takes longer. `guests`: those of the design; what they say and
+    are told stands in no step log, so it is heard, too.
     """
     tls = client_tls(options.keys, identity) if options.keys else None
     session = open_client(options.connect, give_up, tls=tls, told=told)
-    return None if session is None else Tap(session, options.all_systems, on_sample)
+    return None if session is None else Tap(session, options.all_systems, on_sample, guests)
 
 
 # --- Samples of a tap that wait for the one thread that takes them: bounded, so that a slow reader

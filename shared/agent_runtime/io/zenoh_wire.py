@@ -20,7 +20,14 @@ import zenoh
 from agent_runtime.core.control import KIND, Command
 from agent_runtime.core.events import AnyEvent, Arrived, Garbled, Ordered, Receipt
 from agent_runtime.core.streams import receipted
-from agent_runtime.core.wiring import Delivery, Wiring, life, parse_life, service_key
+from agent_runtime.core.wiring import (
+    Delivery,
+    Wiring,
+    communicate_key,
+    life,
+    parse_life,
+    service_key,
+)
 from agent_runtime.io.inbox import Class
 from agent_runtime.io.sessions import close, put
 from agent_runtime.io.steplog import LOG_PART, LOG_WANTED, LogSender
@@ -181,6 +188,7 @@ class ZenohWire:
         # What devices hear. They ask for it on the shell's thread; `join` may come on another one.
         self._joined = threading.Lock()
         self._hears: dict[str, Callable[[bytes], None]] = {}
+        self._on_guest: Callable[[str, bytes], None] | None = None
         self.link(session)
 
     def link(self, session: zenoh.Session) -> None:
@@ -223,6 +231,7 @@ class ZenohWire:
         with self._joined:
             self._tools = session  # before a recorder can ask for the log
             self._orders = [self._ear(session, *one) for one in self._hears.items()]
+            self._orders += self._doors(session)
         self._orders += [
             session.declare_subscriber(service_key(system, KIND, "*", me), self._on_order),
             session.declare_subscriber(service_key(system, LOG_WANTED, "*", me), self._on_wanted),
@@ -242,6 +251,37 @@ class ZenohWire:
             self._hears[kind] = on_data
             if self._tools is not None:
                 self._orders.append(self._ear(self._tools, kind, on_data))
+
+    def hear_guests(self, on_data: Callable[[str, bytes], None]) -> None:
+        """Hand on key and bytes of what guests of the design put at the router for this agent; on
+        Zenoh's threads.
+        """
+        with self._joined:
+            self._on_guest = on_data
+            if self._tools is not None:
+                self._orders += self._doors(self._tools)
+
+    def _doors(self, session: zenoh.Session) -> list[Any]:
+        if (on_data := self._on_guest) is None:
+            return []
+        system, me = self._wiring.system, self._wiring.agent
+        return [
+            session.declare_subscriber(
+                f"roco/{system}/{channel}/{guest}/{me}/*/*",
+                lambda sample: on_data(str(sample.key_expr), sample.payload.to_bytes()),
+            )
+            for guest, channel in self._wiring.guests.items()
+        ]
+
+    def say_to_guest(self, communicate: Communicate) -> None:
+        """Put a communicate to a guest at the router: dropped where it would have to wait."""
+        one, tools = communicate, self._tools
+        channel = self._wiring.guests[one.receiver]
+        key = communicate_key(
+            self._wiring.system, channel, one.sender, one.receiver, one.protocol, one.performative
+        )
+        if tools is not None and not tools.is_closed():
+            put(tools, key, encode(one), congestion_control=zenoh.CongestionControl.DROP)
 
     def _ear(self, session: zenoh.Session, kind: str, on_data: Callable[[bytes], None]) -> Any:
         key = service_key(self._wiring.system, kind, "*", self._wiring.agent)

@@ -74,12 +74,20 @@ class Faults(msgspec.Struct, frozen=True):
 
 
 class Quiet(RuntimeFault):
-    """The wires stopped without what was waited for; `now` is the virtual time."""
+    """The wires stopped without what was waited for; `now` is the virtual time. `asleep`: agents
+    whose next step only they themselves could bring about, with what their rows wait for.
+    """
 
-    def __init__(self, why: str, now: float, states: dict[str, str]) -> None:
-        self.why, self.now, self.states = why, now, states
+    def __init__(
+        self, why: str, now: float, states: dict[str, str], asleep: dict[str, str] | None = None
+    ) -> None:
+        self.why, self.now, self.states, self.asleep = why, now, states, asleep or {}
         standing = ", ".join(f"{agent} {state}" for agent, state in states.items())
-        super().__init__(f"{why} at {now:.3f} s; agents stand at: {standing}")
+        waiting = "".join(
+            f"{agent} in {states[agent]} waits for its own {words}, which nothing brings about; "
+            for agent, words in self.asleep.items()
+        )
+        super().__init__(f"{waiting}{why} at {now:.3f} s; agents stand at: {standing}")
 
 
 class Node:
@@ -114,13 +122,20 @@ class _DevicePort:
     def hear(self, kind: str, on_data: Callable[[bytes], None]) -> None:
         """Nobody beside the agents says anything here."""
 
+    def hear_guests(self, on_data: Callable[[str, bytes], None]) -> None:
+        """Hand on what `say_as_guest` gives for this agent."""
+        self._wires.doors[self._agent] = on_data
+
+    def say_to_guest(self, communicate: Communicate) -> None:
+        self._wires.told_guests.append(communicate)
+
 
 class MemoryBus:
     """Agents are `add`ed, then `run` goes on until a condition holds.
 
     `now`: the virtual clock [unix s]; `traffic`: every communicate sent, copies too; `published`:
-    (agent, kind) -> the newest thing for people; `on_step(agent, effects)` is called after each
-    step.
+    (agent, kind) -> the newest thing for people; `doors`: agent -> what takes a guest's words;
+    `told_guests`: what guests were told; `on_step(agent, effects)` is called after each step.
     """
 
     def __init__(
@@ -131,6 +146,8 @@ class MemoryBus:
         self.nodes: dict[str, Node] = {}
         self.traffic: list[Communicate] = []
         self.published: dict[tuple[str, str], bytes] = {}
+        self.doors: dict[str, Callable[[str, bytes], None]] = {}
+        self.told_guests: list[Communicate] = []
         self.on_step: Callable[[str, Effects], None] = lambda agent, effects: None
         self._chance = random.Random(seed)
         self._order = itertools.count()
@@ -214,10 +231,10 @@ class MemoryBus:
         while not until():
             self._drain(patience_s)
             if not self._agenda:
-                raise Quiet("nothing is left to happen", self.now, self._states())
+                raise Quiet("nothing is left to happen", self.now, self._states(), self._asleep())
             at, _, act = heapq.heappop(self._agenda)
             if at > end:
-                raise Quiet(f"not reached in {limit_s} s", self.now, self._states())
+                raise Quiet(f"not reached in {limit_s} s", self.now, self._states(), self._asleep())
             self.now = max(self.now, at)
             act()
 
@@ -244,10 +261,14 @@ class MemoryBus:
             except Empty:
                 if busy and later and any(node.device.busy for node in self.nodes.values()):
                     why = f"a device said nothing for {patience_s} s"
-                    raise Quiet(why, self.now, self._states()) from None
+                    raise Quiet(why, self.now, self._states(), self._asleep()) from None
                 return
-            if boot == self.nodes[agent].boots:
-                self.post(agent, content, delay_s)
+            self._at(self.now + delay_s, partial(self._from_device, agent, boot, content))
+
+    def _from_device(self, agent: str, boot: int, content: Any) -> None:
+        """A word of a device, which dies with the process of its agent."""
+        if boot == self.nodes[agent].boots:
+            self._happen(agent, Local(content))
 
     def _local(self, agent: str, content: Any) -> None:
         if self.nodes[agent].state is None:
@@ -412,6 +433,17 @@ class MemoryBus:
 
     def _at(self, time: float, act: Callable[[], None]) -> None:
         heapq.heappush(self._agenda, (time, next(self._order), act))
+
+    def _asleep(self) -> dict[str, str]:
+        """Agents in a state that own words end, with no wake-up due and nothing at work."""
+        found: dict[str, str] = {}
+        for name, node in self.nodes.items():
+            rows, state = node.core.agent.rows, node.state
+            if rows is None or state is None or state.wakes or node.device.busy:
+                continue
+            if words := rows.own(state.state):
+                found[name] = " or ".join(words)
+        return found
 
     def _states(self) -> dict[str, str]:
         return {

@@ -6,7 +6,7 @@ km.
 """
 
 from enum import StrEnum
-from typing import ClassVar
+from typing import Annotated, ClassVar
 
 import msgspec
 
@@ -71,6 +71,25 @@ THINGS = ("source", "destination", "object")
 """Fields of commands that name a thing."""
 BACK = "back"
 """A place that a person may name: where the thing stood before it was taken."""
+
+
+MOST_CHARACTERS = 200
+"""Of a sentence, as hi reads it: it bounds the time of a parse (services.human_interface.grammar).
+"""
+
+
+class Sentence(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """What does a sentence of a person mean? The answer is the command that hi understands, in
+    English or Polish; nothing is done. Only a word that stops the robot stops it at once.
+    """
+
+    text: Annotated[str, msgspec.Meta(min_length=1, max_length=MOST_CHARACTERS)]
+
+
+class Stopped(msgspec.Struct, frozen=True, tag=True, forbid_unknown_fields=True):
+    """A sentence had a word that stops the robot, and the robot was stopped; `text` says so."""
+
+    text: str
 
 
 class TaskState(StrEnum):

@@ -17,6 +17,7 @@ from companion.languages import wm
 from companion.languages.cmd import BACK
 from companion.languages.facts import Fact, Facts, Kind, fact
 from companion.languages.values import Side
+from companion.models import looked_into
 from velma import names
 from velma.kinematics.frames import lies, transform, upside_down
 
@@ -185,6 +186,12 @@ class StateFacts:
         """
         on = self.support(state, name)
         return bool(on) and self._true(state, wm.Relation.IS_IN, name, on)
+
+    def looked_into(self, state: str, name: str) -> bool:
+        """Whether the thing stands so low that the eyes look into its opening."""
+        hole = self._ask(wm.ObjectHole(state=state, object=name), wm.Hole)
+        at = transform(self._ask(wm.ObjectPose(state=state, object=name), wm.PoseOf).pose)
+        return looked_into(*at.act(np.array(hole.centre)))
 
     def exact(self, state: str, name: str) -> bool:
         """Whether the thing was seen where it stands, not only predicted to stand there."""

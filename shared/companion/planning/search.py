@@ -306,7 +306,7 @@ def search(
     except NotSeen as unseen:
         found = _revealed(geometry, unseen.word)
         found = found or assembling.Found(
-            [look_for(unseen.word)], unseen.word, (), hfsm.Outcome.FAILED
+            [look_for(geometry, "", unseen.word)], unseen.word, (), hfsm.Outcome.FAILED
         )
         name = f"look for {unseen.word}"
         return assembling.plan(

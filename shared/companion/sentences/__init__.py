@@ -51,8 +51,9 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     others: words for the words in facts. A process may be named by its agent. `step`: what a part
     of a plan does, with its things in braces, {a} and {b}, and its hand, {side}; `leaf`: what an
     act in it does, by its class. For a person, `hi` and `page`: their sentences; `please`: what a
-    person is asked to do during an act, by its class, with the things of its step. For the
-    operator, `event`: what happened in a run.
+    person is asked to do during an act, by its class, with the things of its step; `place`: how
+    something is put on or into a thing of a kind, {a}. For the operator, `event`: what happened in
+    a run.
     """
 
     fact: dict[str, str]
@@ -68,6 +69,7 @@ class Catalogue(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     thing: dict[str, tuple[str, ...]]
     unit: dict[str, Unit]
     furniture: dict[str, str] = {}
+    place: dict[str, str] = {}
     event: dict[str, str] = {}
     state: dict[str, str] = {}
     please: dict[str, str] = {}
@@ -186,6 +188,26 @@ def happened(name: str, of: tuple[str, ...]) -> str:
     used = sum(f"{{{number}}}" in says for number in range(len(words)))
     rest = " ".join(words[used:])
     return f"{says.format(*words, *('',) * 2)}{f': {rest.lower()}' if rest else ''}"
+
+
+def noun(name: str, reader: Reader) -> str:
+    """The noun of a thing in all forms, with its number: jar is jar, jar_1 is jar 1."""
+    kind, _, number = name.partition("_")
+    forms = catalogue(reader).thing.get(kind, (kind,))
+    if reader is Reader.ENGLISH:
+        forms = forms[1:] or forms  # those without an article
+    return _forms(tuple(f"{form} {number}".rstrip() for form in forms))
+
+
+def hand(side: str, reader: Reader) -> str:
+    """The word for a hand in all forms; "" for none."""
+    return _forms(catalogue(reader).side[Side(side)] if side else ("",))
+
+
+def where(name: str, reader: Reader) -> str:
+    """Where something is put: on the table, into the cabinet."""
+    says = catalogue(reader).place.get(name.partition("_")[0], "{a}")
+    return says.format(a=noun(name, reader))
 
 
 def object_text(name: str, reader: Reader) -> str:

@@ -4,8 +4,8 @@ surface.
 Used when a plan is cancelled. ex knows the furniture that it has seen, and plans the path itself.
 """
 
-from collections.abc import Iterator
-from itertools import islice
+from collections.abc import Iterator, Sequence
+from itertools import islice, product
 
 import numpy as np
 import pinocchio as pin
@@ -18,14 +18,17 @@ from velma.kinematics import backing, motion
 from velma.kinematics.frames import heading, level, standing, tilt
 from velma.kinematics.shapes import Cylinder
 from velma.kinematics.tasks import LOADED_SPEED, attaching
-from velma.kinematics.tasks.carrying import upright
+from velma.kinematics.tasks.carrying import CARRY_TILT, upright
 from velma.kinematics.tasks.placing import FROM_ABOVE, placings, points_on, turned, within
 
 HERE_M = 0.06  # estimate: an object this close above a surface was not taken out yet
 SAG_M = 0.02  # estimate: it may hang a little lower in the hand than it stood
 BACK_WITHIN_M = 0.32  # estimate: grasped things are pulled out by 0.28
 UPRIGHT = 0.1  # [rad] of a thing that may be put back as it stood (estimate)
-LARGEST_TILT = 1.05  # [rad] on the way; a tilted object may go upright on it (estimate)
+TILTS = (CARRY_TILT, 1.05)
+"""The most that a thing tilts on the way [rad], tried in turn. A tilted one may go upright on it;
+beyond 40 degrees a bowl may slip in the fingers (companion.planning.placing).
+"""
 SPACING_M, MARGIN_M = 0.06, 0.05  # of the spots tried on a surface, and from its edge (estimates)
 SAME_M = 0.02  # of heights of one table, as seen (estimate)
 TRIES, WAYS = 120, 4
@@ -92,25 +95,28 @@ def free_spot(
     side: str,
     retreat: list[tuple[pin.SE3, float]],
     *,
-    largest: float = LARGEST_TILT,
+    tilts: Sequence[float] = TILTS,
     height: float | None = None,
 ) -> tuple[pin.SE3, list[np.ndarray]] | None:
-    """A free place and the joint path to above it; None if none was found.
+    """A free place, where the eyes can look into the thing if there is one, and the joint path to
+    above it; None if none was found.
 
-    The object tilts by at most `largest` [rad] on the way, or as it is. `height`: of its origin at
-    the place [m]; None: any.
+    The object tilts on the way by at most the first of `tilts` [rad] with which there is a way, or
+    as it is. `height`: of its origin at the place [m]; None: any.
     """
     held, rng = here.held[side], np.random.default_rng(0)
     base = models.MODELS[here.models[held.object]].base
-    spots = [
-        (name, spot - np.array([0.0, 0.0, base.z]))
-        for name, spot in _spots(here, base.radius, side)
-    ]
-    if height is not None:
-        spots = [(name, spot) for name, spot in spots if abs(spot[2] - height) < SAME_M]
-    most = max(largest, tilt(held_pose(here, side)) + 0.1)
-    keep = upright(here.robot, side, held.T_grip_object, most)
-    for margin in moving.ROOM_M if spots else ():
+    low: list[tuple[str, np.ndarray]] = []
+    high: list[tuple[str, np.ndarray]] = []
+    for name, spot in _spots(here, base.radius, side):
+        origin = spot - np.array([0.0, 0.0, base.z])
+        if height is None or abs(origin[2] - height) < SAME_M:
+            (low if models.looked_into(*np.add(spot, (0.0, 0.0, models.TALL_M))) else high).append(
+                (name, origin)
+            )
+    now = tilt(held_pose(here, side)) + 0.1
+    for most, spots, margin in product(tilts, filter(None, (low, high)), moving.ROOM_M):
+        keep = upright(here.robot, side, held.T_grip_object, max(most, now))
         with attaching.room(here.world, margin):
             found = placings(
                 here.robot,
@@ -136,18 +142,17 @@ def free_spot(
 
 
 def _spots(here: Situation, radius: float, side: str) -> list[tuple[str, np.ndarray]]:
-    """Spots (3,) that are free by what was seen, within reach, nearest to the hand first; so far as
-    the hand is now it reaches, too.
+    """Spots (3,) that are free by what was seen, within reach; so far as the hand is now it
+    reaches, too.
     """
     at, reach = held_pose(here, side).translation, models.REACH[Side(side)]
     shoulders = turned(reach.shoulders)
     far = max(reach.far, min(float(np.linalg.norm(at - one)) for one in shoulders) + SPACING_M)
     room = Cylinder(FROM_ABOVE.radius, FROM_ABOVE.height)
-    spots = [
+    return [
         (name, spot)
         for name, frame, size in surfaces(here)
         for spot in points_on(frame, size, radius, margin=MARGIN_M, spacing=SPACING_M)
         if within(spot, shoulders, reach.near, far)
         and not here.world.inside(room, standing(np.array(FROM_ABOVE.centre(spot))))
     ]
-    return sorted(spots, key=lambda s: float(np.linalg.norm(s[1] - at)))

@@ -1,6 +1,5 @@
 """Motions of the loop made of joint paths: timed, with goals for head and hands."""
 
-import math
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -19,7 +18,8 @@ from companion.skills.loop_messages import (
 )
 from companion.skills.situation import Situation
 from velma import names
-from velma.kinematics.tasks import attaching
+from velma.kinematics.tasks import LOOK_SPEED, attaching, looking
+from velma.kinematics.tasks.looking import Point
 from velma.kinematics.timing import timed
 
 # --- Where the head looks during a motion: at what is to be watched, unless an arm would meet it on
@@ -28,7 +28,6 @@ from velma.kinematics.timing import timed
 # may pass.
 
 
-LOOK_SPEED = 1.0  # [rad/s]; the head may turn at 1.04
 AHEAD = HeadGoal(0.0, 0.0, LOOK_SPEED)
 EVERY = 5
 """Knots between two states that are checked (estimate): 0.1 s, in which a hand moves by 3.5 cm at
@@ -77,24 +76,16 @@ def _free(here: Situation, q: np.ndarray, head: np.ndarray) -> bool:
 # --- Motions of the loop made of joint paths ------------------------------------------------------
 
 
-# lookAt of Velma: tilt = -atan2(z - 1.75, r), pan = atan2(y, x) - torso (velma_system@19132ed); the
-# camera itself looks 5 degrees below the horizon at zero tilt.
-EYE_HEIGHT_M, CAMERA_DIP = 1.75, math.radians(5.0)
 # that may be in a vessel: 60 grains of 2 g, the most of a scene (velma.model.scene)
 CONTENT_KG = 0.12
-Point = Sequence[float] | np.ndarray  # (3,) [m, world]
 
 
 def aim(torso: float, point: Point) -> HeadGoal:
     """The head goal that centres a point (3,) [m, world] in the picture, within the limits of the
     head.
     """
-    x, y, z = (float(v) for v in point)
-    pan = math.remainder(math.atan2(y, x) - torso, math.tau)
-    tilt = -math.atan2(z - EYE_HEIGHT_M, math.hypot(x, y)) - CAMERA_DIP
-    low, high = names.HEAD_LOWER, names.HEAD_UPPER
-    pan = float(np.clip(pan, low[0] + 0.01, high[0] - 0.01))
-    return HeadGoal(pan, float(np.clip(tilt, low[1] + 0.01, high[1])), LOOK_SPEED)
+    pan, tilt = looking.aim(torso, point)
+    return HeadGoal(float(pan), float(tilt), LOOK_SPEED)
 
 
 def along(

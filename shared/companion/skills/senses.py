@@ -21,6 +21,7 @@ from companion.skills.situation import Situation
 from companion.skills.skill import Sensed, SkillRow, Tells, failed
 from velma.control.grip import Grip
 from velma.eyes.health import MOST_OFF
+from velma.kinematics.tasks.looking import REST_S
 
 WRIST = {Side.RIGHT: rc.Sensor.RIGHT_WRIST, Side.LEFT: rc.Sensor.LEFT_WRIST}
 ARM = {Side.RIGHT: rc.Sensor.RIGHT_ARM, Side.LEFT: rc.Sensor.LEFT_ARM}
@@ -121,7 +122,6 @@ def _short(angle: float) -> float:
 # show what is there
 
 
-REST_S = 0.1  # of a look; estimate: a frame of the simulated camera takes 67 ms
 # before a thing is missing; estimate: of pictures up to 40 % too dark or bright some show no marker
 MORE_LOOKS = 3
 

@@ -125,6 +125,8 @@ SYSTEM = System(
         believed="companion.tools.why:believed",
         untouchable="companion.tools.verbs.checkup:untouchable",
         faults="companion.tools.verbs.fault:KINDS",
+        ros="companion.tools.ros:Robot",
+        guests="companion.tools.assistant:extra",
     ),
     job=JOB,
     variables={

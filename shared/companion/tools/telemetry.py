@@ -2,7 +2,8 @@
 was heard; and the simulation's clock, read off them.
 """
 
-from collections.abc import Callable
+import math
+from collections.abc import Callable, Iterator
 from typing import Any, TypeVar
 
 import msgspec
@@ -17,22 +18,38 @@ DECODERS: dict[str, Callable[[bytes], Any]] = {
     "truth": msgspec.msgpack.Decoder(TrueState).decode,
 }
 """Kind of a signal -> what stands on it; raises msgspec.MsgspecError for anything else."""
-Timed = tuple[tuple[float, T], ...]
+KINDS: dict[type, str] = {RobotState: "telemetry", Picture: "telemetry", TrueState: "truth"}
+PICTURE_SIZE = (400, 300)
+"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT
+(services.executor.telemetry.SHRINK).
+"""
+PICTURE_FOCAL = PICTURE_SIZE[0] / 2 / math.tan(1.047 / 2)  # [pixels]; velma.eyes.lens.HALF_WIDTH
 
 
-def robot(history: History) -> Timed[RobotState]:
-    """The measured robot."""
-    return history.once(_robot)
+def every(history: History, kind: type[T]) -> tuple[tuple[float, T], ...]:
+    """All of this type, each with when it was heard [unix s]; where one is enough, `newest` and
+    `next_one` are quicker.
+    """
+    return tuple((at, one) for at, one in history.signals if isinstance(one, kind))
 
 
-def pictures(history: History) -> Timed[Picture]:
-    """The pictures of the head camera."""
-    return _of(history, Picture)
+def backwards(
+    history: History, kind: type[T], until: float = math.inf
+) -> Iterator[tuple[float, T]]:
+    """Those of this type that were heard up to then [unix s], each with when; the newest first."""
+    found = history.signals.until(until, KINDS[kind])
+    return ((at, one) for at, one in found if isinstance(one, kind))
 
 
-def truth(history: History) -> Timed[TrueState]:
-    """The true states of the simulation."""
-    return history.once(_truth)
+def newest(history: History, kind: type[T], until: float = math.inf) -> tuple[float, T] | None:
+    """The newest one of this type that was heard up to then [unix s], and when; None for none."""
+    return next(backwards(history, kind, until), None)
+
+
+def next_one(history: History, kind: type[T], after: float) -> tuple[float, T] | None:
+    """The first one of this type that was heard after that [unix s], and when; None for none."""
+    found = history.signals.after(after, KINDS[kind])
+    return next(((at, one) for at, one in found if isinstance(one, kind)), None)
 
 
 def paced(history: History) -> bool | None:
@@ -41,20 +58,8 @@ def paced(history: History) -> bool | None:
     """
     if history.setting is not None:
         return history.setting.speed != "max"
-    states = robot(history)
-    return states[-1][1].lateness_us.max > 0 if states else None
-
-
-def _robot(history: History) -> Timed[RobotState]:
-    return _of(history, RobotState)
-
-
-def _truth(history: History) -> Timed[TrueState]:
-    return _of(history, TrueState)
-
-
-def _of(history: History, kind: type[T]) -> Timed[T]:
-    return tuple((at, one) for at, one in history.told if isinstance(one, kind))
+    last = newest(history, RobotState)
+    return None if last is None else last[1].lateness_us.max > 0
 
 
 LOOSE_S = 1.0
@@ -67,19 +72,19 @@ class Clock:
     """Simulated seconds by unix seconds."""
 
     def __init__(self, history: History) -> None:
-        pairs = [(at, state.sim_time_s) for at, state in robot(history)] or [
-            (at, t.time_s) for at, t in truth(history)
-        ]
-        self._wall = np.array([at for at, _ in pairs])
-        self._sim = np.array([sim for _, sim in pairs])
+        self._history = history
+        self._kind: type[RobotState | TrueState] = (
+            TrueState if newest(history, RobotState) is None else RobotState
+        )
 
     def sim(self, wall: float) -> float | None:
         """Simulated time at `wall`; None where nothing says."""
-        behind = int(np.searchsorted(self._wall, wall))
-        near = self._wall[max(0, behind - 1) : behind + 1]
-        if not len(near) or np.abs(near - wall).min() > LOOSE_S:
+        past, kind = self._history, self._kind
+        near = [newest(past, kind, wall), next_one(past, kind, wall)]
+        told = [(at, _sim_s(one)) for at, one in filter(None, near)]
+        if not told or min(abs(at - wall) for at, _ in told) > LOOSE_S:
             return None
-        return float(np.interp(wall, self._wall, self._sim))
+        return float(np.interp(wall, [at for at, _ in told], [sim_s for _, sim_s in told]))
 
     def spent(self, spans: list[tuple[float, float]]) -> float | None:
         """Simulated time in the union of spans of wall time; None where a span's end is not
@@ -93,3 +98,7 @@ class Clock:
             total += max(0.0, b - a)
             until = max(until, end)
         return total
+
+
+def _sim_s(one: RobotState | TrueState) -> float:
+    return one.sim_time_s if isinstance(one, RobotState) else one.time_s

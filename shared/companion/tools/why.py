@@ -58,15 +58,6 @@ def _record(one: Spoken) -> str:
 # --- the sentence ---------------------------------------------------------------------------------
 
 
-class _Word(str):
-    """A word that has no other forms, as those of English."""
-
-    __slots__ = ()
-
-    def __format__(self, form: str) -> str:
-        return str(self)
-
-
 def _became(history: History, task: Span) -> str:
     """What a person asked for, what became of it, and why, for a person who knows no robots; "" for
     a conversation that is about no task.
@@ -75,7 +66,8 @@ def _became(history: History, task: Span) -> str:
     command = next((one for one in said if isinstance(one.content, cmd.Command)), None)
     if command is None:
         return ""
-    wish, words = _wish(command.content), catalogue(Reader.ENGLISH)
+    wish = commands.in_words(command.content, Reader.ENGLISH)
+    words = catalogue(Reader.ENGLISH)
     end = task_end(history, command)
     if end is not None:
         state, why = outcome(end), getattr(end.content, "why", ())
@@ -86,15 +78,6 @@ def _became(history: History, task: Span) -> str:
     last = reports[-1] if reports else cmd.TaskReport(cmd.TaskState.WAITING)
     now, reasons = words.state[last.state], person(last.why, Reader.ENGLISH)
     return words.hi["because"].format(wish, now, reasons).rstrip()
-
-
-def _wish(command: cmd.Command) -> str:
-    """A sentence from which the command is understood."""
-    fields = {name: plain(str(getattr(command, name))) for name in command.__struct_fields__}
-    if "place" in fields:
-        fields["place"] = f"at the {fields['place']}"
-    says = commands.table("say", Reader.ENGLISH, {})[command.says]
-    return says.format(**{name: _Word(value) for name, value in fields.items()})
 
 
 # --- waiting and switching ------------------------------------------------------------------------

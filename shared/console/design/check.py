@@ -23,6 +23,7 @@ from topdown.check import recorded
 from topdown.check.difference import Change, Way, diff
 from topdown.check.estimate import Estimate, Measured, estimate, measure
 from topdown.check.requirements import Evidence, Shown, Traced, trace
+from topdown.model import schema as schemas
 from topdown.model.design import Design, Ruling, load, rulings
 from topdown.model.findings import Finding
 
@@ -52,6 +53,9 @@ def check(
     within: Annotated[
         float, option("Of the estimate beside a recording: the error that is wanted, as a share.")
     ] = WITHIN,
+    schema: Annotated[
+        bool, option("Print the JSON schema of design files instead, for editors.", "--schema")
+    ] = False,
     form: Form = Format.TEXT,
 ) -> None:
     """Check a design: steps, channels, messages both ways, interfaces, state machines. Exits with 1
@@ -62,7 +66,11 @@ def check(
       roco design check design.toml --rulings
       roco design check --recording runs/latest
       roco design check --estimate
+      roco design check --schema
     """
+    if schema:
+        print(msgspec.json.format(msgspec.json.encode(schemas.schema())).decode())
+        return
     with files.problems(form):
         place = files.meant(file)
         design, heard = load(place), files.observed(run)

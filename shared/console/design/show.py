@@ -15,7 +15,7 @@ from console.output import Form, Format, argument, option, tell, tell_json
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import FIPA, PAPER
-from fipa_codec.tables import Protocol, Role, Row, Table, Way, known
+from fipa_codec.tables import START, Protocol, Role, Row, Table, Way, known
 from operate.system import NoSystemError, here
 from topdown.draw import book, document
 from topdown.draw.document import Figure, Grid, Section
@@ -35,7 +35,7 @@ def show(
     ] = None,
     agent: Annotated[
         str | None,
-        option("Of interfaces and machines: whose; else all.", complete=completion.agents),
+        option("Of interfaces, rights and machines: whose; else all.", complete=completion.agents),
     ] = None,
     protocol: Annotated[
         str | None,
@@ -177,10 +177,22 @@ class Shown(msgspec.Struct, frozen=True):
     roles: dict[Role, Side]
 
 
+class States(msgspec.Struct, frozen=True):
+    """The states of a role's conversation, as guards name them."""
+
+    protocol: str
+    role: Role
+    open: tuple[str, ...]
+    over: tuple[str, ...]
+
+
 def protocol(
     name: Annotated[
         str, argument("A protocol.", complete=completion.every_protocol, metavar="[NAME]")
     ] = "",
+    states: Annotated[
+        bool, option("List the states of both roles, as guards name them.", "--states")
+    ] = False,
     svg: Annotated[Path | None, option("Draw the exchange, and write it here.", "--svg")] = None,
     form: Form = Format.TEXT,
 ) -> None:
@@ -197,14 +209,16 @@ def protocol(
     Examples:
       roco protocol
       roco protocol request
+      roco protocol --states
       roco protocol fipa-contract-net --svg contract_net.svg
     """
     with files.problems(form):
+        if svg is not None and (states or not name):
+            raise UsageError("--svg draws one protocol; name it: `roco protocol NAME --svg FILE`")
+        if states:
+            _tell_states([_meant(name)] if name else every(), form)
+            return
         if not name:
-            if svg is not None:
-                raise UsageError(
-                    "--svg draws one protocol; name it: `roco protocol NAME --svg FILE`"
-                )
             found = [about for about, _ in every()]
             rows = tuple(
                 (one.name, _several(one.aliases), _several(one.openings), one.origin)
@@ -222,6 +236,22 @@ def protocol(
             print(f"wrote {svg}")
         else:
             print(_written(about, one, _width()))
+
+
+def _tell_states(found: list[tuple[Listed, Protocol]], form: Form) -> None:
+    listed = [
+        States(
+            protocol.name,
+            role,
+            tuple(sorted(map(str, table.states - table.ended - {START}))),
+            tuple(sorted(map(str, table.ended))),
+        )
+        for _, protocol in found
+        for role, table in protocol.tables.items()
+    ]
+    rows = tuple((o.protocol, o.role, _several(o.open), _several(o.over)) for o in listed)
+    heads = ("protocol", "role", "while it is open", "when it is over")
+    tell(listed, form, document.table(Grid("", heads, rows), _width()))
 
 
 def _side(table: Table) -> Side:

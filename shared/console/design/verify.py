@@ -6,6 +6,8 @@ makes no sense.
 """
 
 import textwrap
+import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -20,6 +22,7 @@ from console.output import Form, Format, argument, option
 from operate.doing import doing
 from operate.file_names import STEPS
 from operate.system import of_run
+from topdown.check.requirements import lost_without
 from topdown.model.design import Design, load
 from topdown.model.errors import NoSuchEntry
 from topdown.prove import durable, volatile
@@ -27,7 +30,16 @@ from topdown.prove.engine import as_text
 from topdown.prove.net import NetModel, promela
 from topdown.prove.pairs import net_of
 from topdown.prove.paths import Deviation, Follower
-from topdown.prove.verify import ABSTRACTIONS, LAYERS, NOT_PROVEN, Task, Verdict, tasks
+from topdown.prove.verify import (
+    ABSTRACTIONS,
+    LAYERS,
+    NOT_PROVEN,
+    Task,
+    Verdict,
+    died,
+    tasks,
+    waiting,
+)
 
 ANY = "any"
 TITLES = {
@@ -43,8 +55,9 @@ ONE_LAYER = option("Only this layer; may be given again.", "--layer", complete=c
 STEP = option(
     "Only the channels that this step of the design created or changed.", complete=completion.steps
 )
+ALL = "all"
 GONE = option(
-    "Besides: this agent may die for good, and wishes of persons still end.",
+    "Besides: this agent (or each of `all`) may die for good, and wishes of persons still end.",
     complete=completion.agents,
 )
 SECONDS = option("CPU seconds for each verdict; what is open then is said.")
@@ -73,9 +86,11 @@ def verify(
     with files.problems(form):
         place = files.meant(file)
         most, wanted = _most(faults), tuple(layer or LAYERS)
-        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=gone or ())
+        design = load(place)
+        dead = _gone(design, gone or [])
+        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=dead)
         try:
-            work = tuple(asked(load(place), seconds=seconds, skip_start=skip_start))
+            work = tuple(asked(design, seconds=seconds, skip_start=skip_start))
         except IndexError as error:
             raise ValueError(str(error)) from error
         if not work:
@@ -83,11 +98,53 @@ def verify(
                 "nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only"
             )
         verdicts = _verdicts(work, form)
-    files.tell(
-        [_plain(verdict) for verdict in verdicts], form, summary(verdicts, files.width(), long=long)
-    )
+    words = summary(verdicts, files.width(), long=long)
+    meant = design.agents if ALL in (gone or ()) else dead
+    asked_of = meant if 3 in wanted and step is None else ()
+    told = [one for name in asked_of for one in _item(_loss(design, name, verdicts), files.width())]
+    if told:
+        words = "\n".join(["If an agent dies for good:", *told, "", words])
+    lost = {died(name): lost_without(design, name)._asdict() for name in asked_of}
+    plain = [{**_plain(one), "lost": lost.get(one.what)} for one in verdicts]
+    files.tell(plain, form, words)
     if not all(verdict.holds for verdict in verdicts):
         raise typer.Exit(1)
+
+
+def _gone(design: Design, names: list[str]) -> tuple[str, ...]:
+    """The agents that may die for good; of `all` those that leave somebody whose wish could end."""
+    found: list[str] = []
+    for name in names:
+        if name != ALL or ALL in design.agents:
+            found.append(name)
+            continue
+        for agent in design.agents:
+            with suppress(ValueError):
+                waiting(design, agent)
+                found.append(agent)
+    return tuple(dict.fromkeys(found))
+
+
+def _loss(design: Design, agent: str, verdicts: list[Verdict]) -> str:
+    """What is lost with an agent, and whether all else comes to rest."""
+    loss = lost_without(design, agent)
+    one = next((one for one in verdicts if one.what == died(agent)), None)
+    parts = [f"{', '.join(loss.whole)} {_is(loss.whole)} lost"] if loss.whole else []
+    parts += [f"{', '.join(loss.part)} {_is(loss.part)} lost in part"] if loss.part else []
+    lost = ", ".join(parts) or "no requirement is lost"
+    if one is None:
+        rest = "persons talk to it alone, so nobody is left whose wish could end"
+    elif one.holds:
+        rest = "the rest holds: every wish of a person still ends"
+    else:
+        rest = (
+            "wishes of persons may never end" if one.findings else "whether the rest holds is open"
+        )
+    return f"{agent}: {lost}; {rest}"
+
+
+def _is(names: tuple[str, ...]) -> str:
+    return "is" if len(names) == 1 else "are"
 
 
 def _most(faults: str) -> int | None:
@@ -107,9 +164,10 @@ def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
             shown = task.layer
             print(TITLES[shown])
         with doing(task.what) as say:
+            began = time.process_time()
             verdict = task.run(
-                lambda states, waiting, what=task.what: say(  # type: ignore[misc]
-                    f"{what}: {states} states, {waiting} still to look at"
+                lambda states, waiting, what=task.what, began=began: say(  # type: ignore[misc]
+                    f"{what}: {so_far(states, waiting, time.process_time() - began)}"
                 )
             )
         verdicts.append(verdict)
@@ -118,13 +176,22 @@ def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
     return verdicts
 
 
+def so_far(states: int, waiting: int, cpu_s: float) -> str:
+    """How far a search is. Nobody knows before its end how many states there are, so of what is
+    left only those that wait are told.
+    """
+    rate = (states - waiting) / max(cpu_s, 1e-3)
+    left = f", at least {waiting / rate:.0f} s more" if rate else ""
+    return f"{states:,} states, {waiting:,} wait{left}; {rate:,.0f}/s, {cpu_s:.0f} s of processor"
+
+
 def line(verdict: Verdict, width: int) -> str:
     """A verdict in a line, and what is wrong or open below it."""
     count = verdict.faults
     faults = "any faults" if count is None else f"{count} fault{'s' * (count != 1)}"
     word = "holds" if verdict.holds else "FAILS" if verdict.findings else "open"
-    took = f"{verdict.states:>9,} states  {verdict.seconds:6.1f} s"
-    lines = [f"  {verdict.what:<28} {faults:<11}{took}  {word}"]
+    took = f"{verdict.states:>9,} states {verdict.seconds:6.1f} s{verdict.cpu_s:6.1f} s CPU"
+    lines = [f"  {verdict.what:<22} {faults:<11}{took}  {word}"]
     for text in verdict.open:
         lines += textwrap.wrap(text, width, initial_indent="      ", subsequent_indent="      ")
     lines += [f"\n{as_text(finding, width)}\n" for finding in verdict.findings]
@@ -164,7 +231,8 @@ def _plain(verdict: Verdict) -> dict[str, object]:
     findings = []
     for one in verdict.findings:
         trace = [{"who": step.who, "what": step.what} for step in one.trace]
-        findings.append({"kind": one.kind, "text": one.text, "trace": trace})
+        told = {"kind": one.kind, "text": one.text, "causes": one.causes}
+        findings.append({**told, "trace": trace})
     fields = {name: getattr(verdict, name) for name in verdict._fields if name != "findings"}
     kept: dict[str, object] = msgspec.to_builtins(fields)
     return {**kept, "holds": verdict.holds, "findings": findings}

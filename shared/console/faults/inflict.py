@@ -19,6 +19,7 @@ from console.fleet.process_status import Seen
 from console.fleet.targets import LOG_LINES, Target, named
 from operate import proc
 from operate.fault_lines import Fault, encoded, latest, read
+from operate.fleet_file import ProcessState
 
 PERIOD_S = 0.05
 NOT_BEGUN, BROKEN_OFF = "did not begin", "broken off, healed"
@@ -42,17 +43,16 @@ def planned(
     speaker: str = "",
     what: str = "",
 ) -> Fault:
-    """Return a fault of a process that runs, or of the link of two agents, such as co-pl.
+    """Return a fault of a process that runs or restarts, or of the link of two agents, such as
+    co-pl.
 
-    Raise UsageError: no such process; FleetError: it does not run.
+    Raise UsageError: no such process; FleetError: it does not run, and nobody restarts it.
     """
     wired = kind in KINDS and KINDS[kind].wire  # a system has kinds of its own, of no wire
     name, neighbour = ends(fleet, name) if wired else (name, "")
     one = named(fleet, name)
-    if not one.status.pid or one.used is None:
-        raise FleetError(
-            f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it"
-        )
+    if not _restarts(one) and not _runs(one):
+        raise _not_running(fleet, name)
     by = os.getpid()
     return Fault(
         id=f"{kind}-{name}-{time.time_ns():x}",
@@ -62,13 +62,31 @@ def planned(
         t=time.time(),
         at=at,
         pid=one.status.pid,
-        start=one.used.start,
+        start=one.used.start if one.used is not None else 0,
         by=by,
         by_start=proc.started(by),
         amount=amount,
         speaker=speaker,
         what=what,
     )
+
+
+def _runs(one: Seen) -> bool:
+    return bool(one.status.pid) and one.used is not None
+
+
+def _restarts(one: Seen) -> bool:
+    """Whether a process that does not run now will run again without an order."""
+    # one that was killed counts as ready until its supervisor looks
+    return one.status.state in {
+        ProcessState.STARTING,
+        ProcessState.READY,
+        ProcessState.BACKING_OFF,
+    }
+
+
+def _not_running(fleet: Target, name: str) -> FleetError:
+    return FleetError(f"{name} does not run in {fleet.where}; `roco agent start {name}` starts it")
 
 
 def ends(fleet: Target, name: str) -> tuple[str, str]:
@@ -113,11 +131,15 @@ class Inflicting:
         return self.fault
 
     def _aim(self) -> None:
-        """Aim at the process that is there now, where it was restarted while the moment was waited
-        for.
+        """Aim at the process that is there at the moment; wait for one that restarts. Raise
+        FleetError where it does not run.
         """
-        one = named(self._fleet, self.fault.target)
-        if one.status.pid and one.used is not None and not kinds.same(one, self.fault):
+        until = time.monotonic() + READY_S
+        while not _runs(one := named(self._fleet, self.fault.target)):
+            if not _restarts(one) or time.monotonic() > until:
+                raise _not_running(self._fleet, self.fault.target)
+            time.sleep(PERIOD_S)
+        if one.used is not None and not kinds.same(one, self.fault):
             self._note(pid=one.status.pid, start=one.used.start)
 
     def _until_over(self, for_s: float) -> str:

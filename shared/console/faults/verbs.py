@@ -4,12 +4,14 @@ end.
 
 import contextlib
 import math
+import os
 import random
 import signal
 import subprocess
 import sys
 import time
 import tomllib
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from functools import partial
 from pathlib import Path
@@ -35,7 +37,9 @@ from console.output import (
     tell_problem,
 )
 from console.terminal.console import Console, table
+from operate import proc
 from operate.fault_lines import Fault, latest, read
+from operate.quantiles import quantile
 
 Process = Annotated[str, argument("A process.", complete=targets.processes, metavar="PROCESS")]
 At = Annotated[
@@ -53,6 +57,8 @@ Within = Annotated[float, option("Seconds to wait for the moment.", "--within", 
 HEADS = ("begun", "fault", "lasted", "what came of it")
 WITHIN_S = 300.0
 """Estimate: longer than a pour on a loaded machine."""
+EVERY_S = 0.1
+"""The shortest period of a repeated fault [s]; estimate: two looks at the process."""
 
 
 class Faults(msgspec.Struct, frozen=True):
@@ -99,11 +105,18 @@ def fault(
         option("Seconds until it is healed; else as its kind has it.", "--for", min=0.0),
     ] = None,
     within: Within = WITHIN_S,
+    every: Annotated[
+        float | None,
+        option("Seconds from one begin to the next; needs --times.", "--every", min=EVERY_S),
+    ] = None,
+    times: Annotated[
+        int | None, option("How often it is done; needs --every.", "--times", min=1)
+    ] = None,
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Do a fault to a process of a running fleet; it is recorded, and healed at its end.
+    """Do a fault to a process of a running fleet, record it, and heal it at its end.
 
     kill: kill a process (SIGKILL), and wait until it is back; with --for it is kept down so long.
 
@@ -137,6 +150,7 @@ def fault(
     Examples:
       roco fault kill AGENT
       roco fault kill AGENT --at 10th-message
+      roco fault kill AGENT --every 20 --times 15
       roco fault kill router --for 5
       roco fault hang monitor --for 10
       roco fault pause AGENT --for 1.5
@@ -161,17 +175,81 @@ def fault(
             raise UsageError(f"nobody speaks in a fault of kind {kind}; leave --as out")
         if for_ is not None and row.for_s is None:
             raise UsageError(f"{kind} has no --for: it is over when the process is back")
+        if (every is None) != (times is None):
+            raise UsageError("--every and --times go together: --every 20 --times 15")
         for_s = for_ if for_ is not None else row.for_s or 0.0
         fleet = targets.find(target, run_dir)
         inflict.refuse(fleet)
         moment = moments.parse(at, fleet.system.design, process)
         heal_left(fleet, form)
         done = row.timed if row.timed and for_s else kind
-        planned = inflict.planned(fleet, done, process, moments.moment_text(moment), much, speaker)
-        wait = partial(moments.wait, moment, within, target, run_dir)
         told = print if form is Format.TEXT else lambda _: None
-        ended = inflict.Inflicting(fleet, planned).run(wait, for_s, told)
-        tell(ended, form, f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+
+        def once(at: str, wait: Callable[[], None]) -> Fault:
+            planned = inflict.planned(fleet, done, process, at, much, speaker)
+            ended = inflict.Inflicting(fleet, planned).run(wait, for_s, told)
+            tell(ended, form, f"{ended.words}: {ended.text}, {lasted(ended):.1f} s")
+            return ended
+
+        first = partial(
+            once,
+            moments.moment_text(moment),
+            partial(moments.wait, moment, within, target, run_dir),
+        )
+        if every is None or times is None:
+            first()
+        else:
+            repeat(first, partial(once, "", lambda: None), every, times, form)
+
+
+class Repeated(msgspec.Struct, frozen=True):
+    """The last line of `roco fault KIND --every --format json`: how often it was asked for and
+    done, how long the faults lasted, and the time from the first begin to the last end [s].
+    """
+
+    asked: int
+    done: int
+    median_s: float | None
+    longest_s: float | None
+    total_s: float
+    span_s: float
+
+    @property
+    def words(self) -> str:
+        """A line for people."""
+        text = f"{self.done} of {self.asked} done"
+        if self.median_s is None:
+            return text
+        return (
+            f"{text}; lasted {self.median_s:.1f} s (median), {self.longest_s:.1f} s (longest),"
+            f" {self.total_s:.1f} s of {self.span_s:.0f} s in all"
+        )
+
+
+def repeated(asked: int, faults: Sequence[Fault]) -> Repeated:
+    """Return the figures of faults that ended."""
+    times = [lasted(one) for one in faults]
+    span_s = (faults[-1].ended or 0.0) - faults[0].began if faults else 0.0
+    longest_s = max(times, default=None)
+    return Repeated(asked, len(times), quantile(times, 0.5), longest_s, math.fsum(times), span_s)
+
+
+def repeat(
+    first: Callable[[], Fault], again: Callable[[], Fault], every: float, times: int, form: Form
+) -> None:
+    """Do a fault `times` times, `every` seconds [s] from begin to begin; one that lasts longer
+    delays the next. Print the figures at the end, also where one raises FleetError or is
+    interrupted.
+    """
+    faults: list[Fault] = []
+    try:
+        faults.append(first())
+        for number in range(1, times):
+            time.sleep(max(0.0, faults[0].began + number * every - time.time()))
+            faults.append(again())
+    finally:
+        figures = repeated(times, faults)
+        tell(figures, form, figures.words)
 
 
 def amount_of(kind: str, row: Kind, amount: float | None, per_second: float | None) -> float:
@@ -212,7 +290,8 @@ def list_(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format
     """
     fleet = targets.find(target, run_dir)
     healed = inflict.heal(fleet, inflict.left(fleet))
-    every = latest(read(fleet.faults()))
+    # in the order of their beginnings; those that wait or never began stand last
+    every = tuple(sorted(latest(read(fleet.faults())), key=lambda one: one.began or math.inf))
     if form is Format.JSON:
         tell_json(Faults(fleet.where, every, tuple(healed)))
     elif every:
@@ -255,6 +334,8 @@ def _row(one: Fault) -> tuple[str, ...]:
 # at = [0.0, 5.0]           # some time between; or as --at has it
 # for = 2.0                 # a number, or [least, most], as amount
 # amount = [0.05, 0.2]
+# every = 20                # again each 20 s
+# times = 15                # so often; needs every
 
 
 SIGNED = tuple(
@@ -273,6 +354,8 @@ class Entry(msgspec.Struct, frozen=True, forbid_unknown_fields=True, rename={"fo
     for_: Span | None = None
     amount: Span | None = None
     within: float | None = None
+    every: float | None = None
+    times: int | None = None
 
 
 class Scenario(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -293,6 +376,8 @@ class Chosen(msgspec.Struct, frozen=True):
     for_: float | None
     amount: float | None
     within: float | None
+    every: float | None = None
+    times: int | None = None
 
 
 def load(file: Path) -> Scenario:
@@ -330,6 +415,12 @@ def _entry_fault(entry: Entry) -> str:
             return f"{given} is no span: give [least, most], neither below {least:g}"
         if isinstance(span, float) and not least <= span < math.inf:
             return f"{name} = {span:g} is below 0 or no number"
+    if (entry.every is None) != (entry.times is None):
+        return "`every` and `times` go together"
+    if entry.every is not None and not EVERY_S <= entry.every < math.inf:
+        return f"every = {entry.every:g} is no number from {EVERY_S:g} on"
+    if entry.times is not None and entry.times < 1:
+        return f"times = {entry.times} is below 1"
     return ""
 
 
@@ -344,8 +435,8 @@ def choose(scenario: Scenario, seed: int) -> tuple[Chosen, ...]:
     for one in scenario.fault:
         target = one.target if isinstance(one.target, str) else chance.choice(one.target)
         at = one.at if isinstance(one.at, str) else within(one.at) or 0.0
-        times = (within(one.for_), within(one.amount), one.within)
-        found.append(Chosen(one.kind, target, at, *times))
+        spans = (within(one.for_), within(one.amount))
+        found.append(Chosen(one.kind, target, at, *spans, one.within, one.every, one.times))
     return tuple(found)
 
 
@@ -357,6 +448,7 @@ def fault_arguments(one: Chosen, began: float) -> list[str]:
     amount = [] if one.amount is None or option else [f"{one.amount:g}"]
     given = {option: one.amount} if option else {}
     options = {**given, "--at": at, "--for": one.for_, "--within": one.within}
+    options |= {"--every": one.every, "--times": one.times}
     words = [(name, str(value)) for name, value in options.items() if value not in ("", None)]
     return [one.kind, one.target, *amount, *(word for pair in words for word in pair)]
 
@@ -396,11 +488,20 @@ def run(
         place += ["--run-dir", str(run_dir)] if run_dir else []
         place += ["--format", form.value]
         heal_left(fleet, form)
-        began = time.time()
+        began = time.time() + _lead_s(len(chosen))
         codes = _done([[*fault_arguments(one, began), *place] for one in chosen])
         if failed := sum(code != 0 for code in codes):
             wrong = f"{failed} of {len(codes)} faults did not go as they should"
             raise FleetError(f"{wrong}; `roco fault list` has them")
+
+
+def _lead_s(count: int) -> float:
+    """Return how long so many commands need until all wait for their moments [s]: each as long as
+    this one needed so far, as many at a time as there are processors.
+    """
+    since_boot = proc.started(os.getpid()) / os.sysconf("SC_CLK_TCK")
+    needed = time.clock_gettime(time.CLOCK_BOOTTIME) - since_boot
+    return needed * max(1.0, count / (os.cpu_count() or 1))
 
 
 def _done(calls: list[list[str]]) -> list[int]:

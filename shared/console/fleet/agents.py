@@ -65,17 +65,16 @@ def agents(
     """Show every process: state, heartbeat's age, processor, memory, pid, life, restarts,
     communicates that wait.
 
-    Exits with 1 where something is wrong with one, with 3 where nothing runs. `life` is the agent's
-    incarnation, `again` how often it was restarted, `waits` how many communicates are not receipted
-    or not said yet.
+    Exits with 1 if something is wrong with a process, with 3 if nothing runs. `life` is the agent's
+    incarnation, `again` the number of its restarts, `waits` the number of communicates that wait to
+    be sent or receipted.
 
-    With NAME: all that is known of a process: its row, its peers, what waits, what it counts, its
-    last lines; of an agent also its parameters, its inbox, its open conversations and its last
-    steps.
+    With NAME it shows all that is known of a process: its row, its peers, what waits, its counters,
+    its last lines; for an agent also its parameters, inbox, open conversations and last steps.
 
-    With --offers: who offers which protocol, ontology, language and query kinds, and who is up.
-    What is offered stands in the design, as the participant of a protocol; without a fleet that is
-    all there is to tell. Exits with 1 where nobody fits.
+    With --offers it shows who offers which protocol, ontology, language and kinds of queries, and
+    who is up. The offers come from the design: an agent offers the protocols in which it is the
+    participant. Exits with 1 if no agent matches.
 
     Examples:
       roco agents

@@ -2,6 +2,7 @@
 (Checks).
 """
 
+import ctypes
 import datetime as dt
 import importlib.metadata
 import os
@@ -24,9 +25,11 @@ from agent_runtime.io.fleet_processes import started_with
 from agent_runtime.io.reaching import LOOPBACK_REMEDY, no_loopback, why_not
 from agent_runtime.io.run_files import KEYS_FOLDER
 from agent_runtime.io.secured import ROUTER, key_file
+from c_library import COMPILER
 from console.errors import NO, ConsoleError, DockerError
 from console.fleet import identity, targets
 from console.fleet.compose import docker
+from console.fleet.interfaces import opened
 from console.fleet.local import Local
 from console.fleet.process_status import Look, Seen, Target, stuck, trouble
 from console.fleet.status import GRPC, HOST, WEB, key_folder, key_times, listens, taken
@@ -36,6 +39,7 @@ from console.terminal.console import Console, table
 from operate.doing import doing
 from operate.fleet_file import Fleet, ProcessState
 from operate.system import NoSystemError, UntrustedError, here
+from topdown.prove import compiled
 
 
 class Level(StrEnum):
@@ -271,6 +275,24 @@ def containers() -> Iterator[Check]:
         yield note("docker", f"engine {version}, but no Compose", remedy)
 
 
+def in_c(
+    name: str, library: ctypes.CDLL | None, package: str, what: str, without: str
+) -> Iterator[Check]:
+    """Whether a library in C is loaded. `what`: its use; `without`: the cost of its absence."""
+    if library is not None:
+        yield fine(name, what)
+    else:
+        remedy = f"`python -m {package}` builds it, with {COMPILER}"
+        yield note(name, f"no library of {package}: {without}", remedy)
+
+
+def explorer() -> Iterator[Check]:
+    """Whether `roco design verify` explores in C here."""
+    slow = "large designs are verified 15 to 48 times more slowly"
+    what = "`roco design verify` explores in C"
+    yield from in_c("explorer", compiled.library(), "topdown.prove.compiled", what, slow)
+
+
 MACHINE: dict[str, Callable[[], Iterator[Check]]] = {
     "python": python,
     "libraries": libraries,
@@ -281,6 +303,7 @@ MACHINE: dict[str, Callable[[], Iterator[Check]]] = {
     "processor": processors,
     "clock": clock,
     "docker": containers,
+    "explorer": explorer,
 }
 
 
@@ -353,6 +376,13 @@ def refusals(fleet: Target, now: Look) -> Iterator[Check]:
         yield note(
             "refusals", what, "router.log has a line for each; who is refused: docs/security.md"
         )
+
+
+def interfaces(fleet: Target, now: Look) -> Iterator[Check]:
+    """Who may come in from outside, and where."""
+    if now.fleet is not None:
+        for name, what in opened(fleet):
+            yield fine(name, what)
 
 
 def reason(logged: str) -> str:
@@ -478,6 +508,7 @@ FLEET: dict[str, Callable[[Target, Look], Iterator[Check]]] = {
     "supervisor": supervisor,
     "router": router,
     "refusals": refusals,
+    "interfaces": interfaces,
     "stop": held,
     "keys": certificates,
     "pictures": pictures,

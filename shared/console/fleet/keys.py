@@ -5,6 +5,8 @@ agents; all expires in a week.
 all.
 """
 
+import shutil
+import textwrap
 from functools import partial
 from pathlib import Path
 from typing import Annotated
@@ -73,11 +75,16 @@ def keys_text(made: issuing.Issued, *, apart: bool) -> str:
     """Return the keys that now exist, in words for people."""
     named = f"system{'s' * (len(made.systems) > 1)} {', '.join(map(repr, made.systems))}"
     use = "ROCO_TLS_DIR=<an identity's folder>" if apart else f"ROCO_TLS_DIR={made.folder}"
-    return (
+    first = (
         f"{made.folder}: {', '.join(made.identities)}, and {RIGHTS} for the router of {named}"
-        f"{'' if made.made_now else ' (kept as they were)'}\n"
-        f"they hold until {made.until:%Y-%m-%d %H:%M} UTC; {use} makes a process use them"
+        f"{'' if made.made_now else ' (kept as they were)'}"
     )
+    width = shutil.get_terminal_size().columns
+    lines = textwrap.wrap(
+        first, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+    )
+    lines.append(f"valid until {made.until:%Y-%m-%d %H:%M} UTC; to use them, set {use}")
+    return "\n".join(lines)
 
 
 class Revoked(msgspec.Struct, frozen=True):

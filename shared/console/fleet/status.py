@@ -93,9 +93,8 @@ def unheard(now: Look) -> Iterator[str]:
 
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
-    """Show the fleet's processes and the tasks. Exits with 1 where not all that must be ready are,
-    where a process is frozen or hangs, no supervisor looks after them, or a certificate does not
-    hold, with 3 where nothing runs.
+    """Show the fleet's processes and the tasks. Exits with 1 if a process is not ready, frozen or
+    hanging, if no supervisor runs, or if a certificate has expired, with 3 if nothing runs.
 
     Examples:
       roco status

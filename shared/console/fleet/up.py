@@ -74,10 +74,10 @@ def up(
     seconds: For = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Bring the fleet up in the background. Interrupted, it brings down what it began.
+    """Bring the fleet up in the background. Ctrl-C brings down what it started.
 
-    Where one runs already it starts none, unless --another names it: that one is meant by `--target
-    NAME`.
+    If a fleet runs already it starts none, unless you name a second one with --another; `--target
+    NAME` then selects that one.
 
     Examples:
       roco up

@@ -1,5 +1,5 @@
 """`roco view`: Rerun's pictures of a fleet while it runs, or of a recorded run, in a window or in a
-browser.
+browser; or what ROS is told of a running fleet, in Foxglove (console.fleet.live_ros).
 
 The monitor of a running fleet serves them (view.json says where); of a recorded run there is
 run.rrd.
@@ -24,8 +24,8 @@ import typer
 from agent_runtime.io import fleet_processes
 from agent_runtime.io.reaching import free_port
 from console import completion, interrupts
-from console.errors import ConsoleError, NoRunError, UsageError, last_line
-from console.fleet import targets
+from console.errors import ConsoleError, MissingExtraError, NoRunError, UsageError, last_line
+from console.fleet import live_ros, targets
 from console.fleet.local import Local
 from console.fleet.status import GRPC, HOST, WEB, listens, taken
 from console.output import Form, Format, RunDir, argument, option, tell_json
@@ -65,11 +65,26 @@ def view(
     web: Annotated[
         bool, option("In a browser; needs no display on this machine.", "--web")
     ] = False,
+    foxglove: Annotated[
+        bool, option("Serve a running fleet to Foxglove, until Ctrl-C.", "--foxglove")
+    ] = False,
+    ros: Annotated[bool, option("Be a node of ROS 2 over Zenoh, until Ctrl-C.", "--ros")] = False,
+    at: Annotated[
+        str,
+        option(
+            "Where --foxglove serves, else at an address that web pages cannot guess; or the router"
+            " of --ros, else 127.0.0.1:7447.",
+            metavar="ADDRESS:PORT",
+        ),
+    ] = "",
     target: targets.Name = "",
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Look at a running fleet or at a recorded run in Rerun. With --format json only says how.
+    """Look at a running fleet or at a recorded run in Rerun; a running fleet also in Foxglove, or
+    with ROS 2.
+
+    With --format json it only says how, but with --foxglove or --ros it serves.
 
     Examples:
       roco view
@@ -77,8 +92,19 @@ def view(
       roco view --run-dir runs/latest
       roco view run.rrd --web
       roco view --target compose --web --format json
+      roco view --foxglove
+      roco view --foxglove --at 127.0.0.1:8765
+      roco view --ros
     """
     with interrupts.heard():
+        if foxglove or ros:
+            if file is not None or web or (foxglove and ros):
+                remedy = "a recording goes there by `roco export RUN --bag FOLDER`"
+                raise UsageError(f"--foxglove or --ros serve a running fleet alone; {remedy}")
+            (live_ros.foxglove if foxglove else live_ros.ros)(at, target, run_dir, form)
+            return
+        if at:
+            raise UsageError("--at is for --foxglove and --ros; for Rerun see docs/rerun.md")
         seen = found(file, target, run_dir, web)
         if form is Format.JSON:
             tell_json(seen)
@@ -216,13 +242,13 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 def program() -> str:
-    """Rerun's program: beside this Python, or on the path. ConsoleError where it is not
-    installed.
+    """Rerun's program: beside this Python, or on the path. Raise
+    MissingExtraError.
     """
     beside = Path(sys.executable).with_name("rerun")
     place = str(beside) if beside.exists() else shutil.which("rerun")
     if place is None:
-        raise ConsoleError("Rerun is not installed here: pip install 'robot-companion[monitor]'")
+        raise MissingExtraError("Rerun", "monitor")
     return place
 
 

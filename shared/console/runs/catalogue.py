@@ -11,13 +11,15 @@ import shutil
 import socket
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Annotated
 
 import msgspec
+from rich.padding import Padding
+from rich.segment import Segment, Segments
 from rich.text import Text
 
 from console import completion
@@ -36,12 +38,15 @@ COLOURS = {UP: "green", SUCCESS: "green", FAILED: "red"}
 BLOCK = 512
 """Bytes of a unit of st_blocks (man 2 stat)."""
 HEADS = ("run", "begin", "took", "on disk", "system", "result")
-WIDE = 120
-"""Columns that all of it needs, with 40 for the result (counted)."""
+RIGHT = ("took", "on disk")
+WIDE = 100
+"""Columns that all heads need (counted)."""
+BELOW = (0, 0, 0, 4)
+"""Blanks around what stands below a run: top, right, bottom, left."""
 ENDS = ("done", "failed", "cancelled", "refused", "not ended")
 """What may become of a task, in the order in which it is told."""
 ANSWER_S = 0.5
-In = Annotated[Path, option("The folder that the runs are in.", "--in", file_okay=False)]
+In = Annotated[Path, option("Folder of the runs.", "--in", file_okay=False)]
 
 
 class Task(msgspec.Struct, frozen=True):
@@ -111,27 +116,30 @@ class _Report(msgspec.Struct, frozen=True):
 
 def runs(
     names: Annotated[
-        list[str] | None, argument("Runs.", complete=completion.run_names, metavar="[NAME]...")
+        list[str] | None,
+        argument("Names of runs.", complete=completion.run_names, metavar="[NAME]..."),
     ] = None,
     older_than: Annotated[
-        str, option("Those that began longer ago: 12h, 7d, 2w.", complete=completion.ages)
+        str, option("Runs that began longer ago, such as 12h, 7d, 2w.", complete=completion.ages)
     ] = "",
-    keep: Annotated[int | None, option("All but the newest N.", min=0)] = None,
-    failed: Annotated[bool, option("Those that failed.", "--failed")] = False,
-    remove: Annotated[bool, option("Remove them, never one that is up.", "--remove")] = False,
+    keep: Annotated[int | None, option("All runs but the newest N.", min=0)] = None,
+    failed: Annotated[bool, option("Runs that failed.", "--failed")] = False,
+    remove: Annotated[
+        bool, option("Remove these runs, but never one that is up.", "--remove")
+    ] = False,
     within: In = folders.RUNS,
     form: Form = Format.TEXT,
 ) -> None:
     """List the runs that were kept: begin, duration, size on disk, system, result.
 
     A run `failed` if its report says so, if a process of it was given up, or if its processes died
-    without an end in order; `ended` has a system without a verdict of its own. Below the result
-    it is counted how many tasks came to which end; then come the tasks, each judged at its own
-    end. Exits with 3 where there is no run.
+    before an orderly end. A system without a verdict of its own has `ended`. Below a run stand the
+    reason, the number of tasks by outcome, and each task with its outcome. Exits with 3 if there
+    is no run.
 
-    Names and rules given together narrow each other: a run is listed if all of them fit. --keep
-    counts all runs, those that are up, too. With --remove what would be listed is removed instead,
-    but never a run that is up. Where runs/latest pointed to a run that went, the link goes with it.
+    If you combine names and rules, only runs that match all of them are listed. --keep counts all
+    runs, also those that are up. --remove removes the runs that would be listed, but never one
+    that is up.
 
     Examples:
       roco runs
@@ -228,34 +236,46 @@ def size(folder: Path) -> int:
 
 
 def _show(found: list[Run], console: Console) -> None:
-    """Print the runs, a line for each. In a narrow terminal the result takes the room of the begin,
-    which most names tell, and of the system.
+    """Print a line for each run, and below it in the full width why it failed and its tasks. A
+    narrow terminal has no room for the begin, which most names tell, and for the system.
     """
-    narrow = console.width < WIDE
-    heads = [one for one in HEADS if not (narrow and one in ("begin", "system"))]
-    drawn = table(heads, right=("took", "on disk"), fold=("result",))
-    for one in found:
-        named = Text.assemble((one.name, "bold"), (" (latest)" if one.latest else "", "dim"))
-        words = f"{one.result}: {one.why}" if one.why else one.result
-        result = Text(words, COLOURS.get(one.result, ""))
-        if one.tasks:
-            result.append(f"\n{counted(one.tasks)}", "not bold default")
-        for task in one.tasks:
-            came = "done" if task.success else task.failure
-            style = "not bold default" if task.success else COLOURS[FAILED]
-            result.append(f"\n  {task.asked}: {came}", style)
-        begin = datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
-        cells: tuple[Cell, ...] = (
-            named,
-            begin,
-            span(one.duration_s),
-            bytes_in_words(one.bytes),
-            one.system,
-            result,
-        )
-        drawn.add_row(*(cell for name, cell in zip(HEADS, cells, strict=True) if name in heads))
-    console.print(drawn)
+    heads = [one for one in HEADS if console.width >= WIDE or one not in ("begin", "system")]
+    drawn = table(heads, ([_cell(one, head) for head in heads] for one in found), right=RIGHT)
+    head, *lines = console.render_lines(drawn, pad=False)
+    console.print(Segments([*head, Segment.line()]))
+    for one, line in zip(found, lines, strict=True):
+        console.print(Segments([*line, Segment.line()]))
+        for text in _below(one):
+            console.print(Padding(text, BELOW))
     console.print(f"{len(found)} run{'s' * (len(found) != 1)}, {words_of(found)}", style="dim")
+
+
+def _cell(one: Run, head: str) -> Cell:
+    """What stands below a head of the table."""
+    match head:
+        case "run":
+            latest = " (latest)" if one.latest else ""
+            return Text.assemble((one.name, "bold"), (latest, "dim"))
+        case "begin":
+            return datetime.fromtimestamp(one.begin).strftime("%Y-%m-%d %H:%M:%S")
+        case "took":
+            return span(one.duration_s)
+        case "on disk":
+            return bytes_in_words(one.bytes)
+        case "system":
+            return one.system
+    return Text(one.result, COLOURS.get(one.result, ""))
+
+
+def _below(one: Run) -> Iterator[Text]:
+    """Why a run failed or what of it is up, how many tasks came to which end, and each task."""
+    if one.why:
+        yield Text(one.why, COLOURS.get(one.result, ""))
+    if one.tasks:
+        yield Text(counted(one.tasks))
+    for task in one.tasks:
+        became = "done" if task.success else task.failure
+        yield Text(f"{task.asked}: {became}", "" if task.success else COLOURS[FAILED])
 
 
 def counted(tasks: Iterable[Task]) -> str:

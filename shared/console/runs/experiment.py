@@ -429,11 +429,11 @@ def run(
     most_load: MostLoad = 0.0,
     form: Form = Format.TEXT,
 ) -> None:
-    """Bring a fresh fleet up for some seconds, again and again; report.html, .json and .md say how
-    runs differ.
+    """Repeat runs of a fresh fleet, and write report.html, .json and .md: how the runs differ.
 
-    A run succeeds when all that was said is as designed, and nobody is down at its end. Exits with
-    0 when all runs are done, whether they succeeded or not; interrupted, it goes on with --resume.
+    A run succeeds if every communicate is as designed and no process is down at its end. The verb
+    exits with 0 when all runs are done, whether they succeeded or not. --resume continues after an
+    interruption.
 
     Examples:
       roco experiment run --for 20 --runs 10

@@ -1,5 +1,5 @@
 """What a recording gives: `roco report` makes the report of its run again and shows it, `roco
-export` makes tables.
+export` makes tables and rosbags.
 """
 
 import shutil
@@ -13,16 +13,18 @@ from rich.console import RenderableType
 from rich.table import Table
 
 from console import completion
-from console.errors import ConsoleError, UsageError
+from console.errors import ConsoleError, UsageError, needing
 from console.output import Form, Format, argument, option, tell, tell_json
 from console.terminal.console import Console, table
 from operate.file_names import REPORT_FILE, RRD_FILE, TRAFFIC_FILE
+from operate.wording import bytes_in_words
 
 if TYPE_CHECKING:
     from operate.experiments.comparing import Compared, Comparison, Diverged
     from operate.experiments.intervals import Interval
     from operate.experiments.measures import Shown
     from operate.experiments.run_figures import SentMessage
+    from operate.ros import bag as rosbag
 
 
 ABSENT = "-"
@@ -42,11 +44,11 @@ def report(
     ] = False,
     form: Form = Format.TEXT,
 ) -> None:
-    """Make the report of a run again from its recording, and show it. Exits with 1 where the run
-    was no success.
+    """Make the report of a run again from its recording, and show it. Exits with 1 if the run
+    did not succeed.
 
-    Of a run's folder report.json is made anew, and so are report.html and run.rrd where they are
-    older than the recording; of a single recording only with --out.
+    For a run's folder it makes report.json again, and report.html and run.rrd if they are older
+    than the recording. For a single recording it writes files only with --out.
 
     Examples:
       roco report runs/latest
@@ -67,8 +69,10 @@ def report(
 
     folder, drawn = _target(recording, out), tuple[str, ...]((PAGE_FILE, RRD_FILE))
     if folder is not None:
-        made = run if folder == recording else Run(folder, run.system)
-        drawn = tuple(name for name in drawn if again or not current(made, name))
+        there = Run(folder, run.system)
+        drawn = tuple(name for name in drawn if again or not current(there, name))
+        made = Run(folder, run.system, words=RRD_FILE in drawn)
+        run = made if folder == recording else run
         if not everything(made, complain, again=again):
             raise ConsoleError(complaints[-1])
     told = of(run.history, run.system)
@@ -176,11 +180,11 @@ def _number(value: float | None, unit: str = "") -> str:
     return f"{number} {unit}" if unit else number
 
 
-# --- `roco export`: a recording as tables for other tools ----------------------
+# --- `roco export`: a recording for other tools: tables, or a rosbag2 -----------------------------
 
 
 class To(StrEnum):
-    """Formats of the export."""
+    """Formats of the tables."""
 
     PARQUET = "parquet"
     CSV = "csv"
@@ -194,32 +198,78 @@ class Written(msgspec.Struct, frozen=True):
     columns: int
 
 
+class Bag(msgspec.Struct, frozen=True):
+    """A rosbag2: its folder, bytes and topics."""
+
+    bag: str
+    bytes: int
+    topics: "tuple[rosbag.Written, ...]"
+
+
 def export(
     recording: Annotated[
         Path, argument("A run's folder, or a recording.", complete=completion.runs, exists=True)
     ],
-    out: Annotated[Path, option("Folder of the tables; made where missing.", "--out")],
-    to: Annotated[To, option("parquet for tools, csv for all else.", "--to")] = To.PARQUET,
+    out: Annotated[
+        Path | None, option("Write tables: their folder; made where missing.", "--out")
+    ] = None,
+    to: Annotated[To, option("Tables: parquet for tools, csv for all else.", "--to")] = To.PARQUET,
+    bag: Annotated[
+        Path | None, option("Write a rosbag2: its folder, which is made.", "--bag")
+    ] = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Write what a recording holds as tables: communicates, events, telemetry.
+    """Write what a recording holds for other tools: tables, or a rosbag2 of ROS 2.
+
+    Tables hold communicates, events and telemetry (docs/experiments.md), a rosbag2 also pictures,
+    frames and the model of the robot (docs/ros.md).
 
     Examples:
       roco export runs/latest --to parquet --out tables
       roco export runs/latest/traffic.mcap --to csv --out tables --format json
+      roco export runs/latest --bag pour
     """
+    if (out is None) == (bag is None):
+        raise UsageError("say what is wanted: --out FOLDER for tables, or --bag FOLDER")
+    if bag is not None:
+        told = bagged(recording, bag)
+        tell(told, form, lambda: show_bag(told))
+    elif out is not None:
+        written = tabled(recording, out, to)
+        if form is Format.JSON:
+            tell_json(written)
+            return
+        for one in written:
+            print(f"{one.file}: {one.rows} rows, {one.columns} columns")
+
+
+def tabled(recording: Path, out: Path, to: To) -> list[Written]:
+    """Write the tables."""
     from operate.experiments import tables
     from operate.recording.run import opened
 
     run = opened(recording)
     made = tables.of_history(run.history, run.system)
     files = zip(tables.write(made, out, to), made.values(), strict=True)
-    written = [Written(str(file), table.num_rows, table.num_columns) for file, table in files]
-    if form is Format.JSON:
-        tell_json(written)
-        return
-    for one in written:
-        print(f"{one.file}: {one.rows} rows, {one.columns} columns")
+    return [Written(str(file), table.num_rows, table.num_columns) for file, table in files]
+
+
+def bagged(recording: Path, folder: Path) -> Bag:
+    """Write the rosbag2. Raise MissingExtraError."""
+    from operate.recording.run import opened
+
+    with needing("ros"):
+        from operate.ros import bag
+    topics = bag.write(folder, bag.entries(opened(recording)))
+    return Bag(str(folder), sum(one.stat().st_size for one in folder.iterdir()), topics)
+
+
+def show_bag(told: Bag) -> None:
+    """For people: a line for each topic, then the whole."""
+    wide = max((len(one.topic) for one in told.topics), default=0)
+    for one in told.topics:
+        print(f"{one.topic:<{wide}}  {one.messages:>6}  {one.kind}")
+    print(f"{told.bag}: {bytes_in_words(told.bytes)}")
 
 
 # --- `roco compare`: two sets of runs side by side ------------------------------------------------

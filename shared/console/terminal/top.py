@@ -336,8 +336,8 @@ def top(
     window: Annotated[float, option("Seconds that rates are taken over.", min=0.1)] = WINDOW_S,
     form: Annotated[Drawing, option("text, json, or dot for Graphviz.", "--format")] = Drawing.TEXT,
 ) -> None:
-    """Show agents and channels, and the task and the plan's present state, on a live screen; q or
-    Ctrl-C ends it.
+    """Show agents, channels, the task and the state of its plan on a live screen; q or Ctrl-C ends
+    it.
 
     With --graph it draws agents and channels with their states and what goes over each channel now.
     Where no terminal is, pictures follow one another; as JSON it is an object a line.

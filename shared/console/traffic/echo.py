@@ -244,7 +244,7 @@ def sniff(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Draw a sequence diagram of what is said as it goes by, with a lifeline for every agent.
+    """Draw a live sequence diagram of the traffic, with a lifeline for each agent.
 
     Of a running fleet until Ctrl-C; of a recording with --run. With a filter the lifelines are
     those of agents that may say or hear what is meant. Beside an arrow stand channel, content and,

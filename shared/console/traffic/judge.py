@@ -168,18 +168,18 @@ def dead_(
 
     found = dead_letters.letters(Run(_folder(run, run_dir, target)))
     letters = [one for one in found if not which or {one.sender, one.receiver} & {*which}]
-    tell(letters, form, lambda: _show_letters(letters, Console(highlight=False)))
+    tell(letters, form, lambda: show_letters(letters, Console(highlight=False)))
 
 
-def _show_letters(letters: list[DeadLetter], console: Console) -> None:
-    heads = ("at", "reason", "from > to", "act", "protocol", "id", "why")
-    drawn = table(heads, fold=("why",))
+def show_letters(letters: list[DeadLetter], console: Console) -> None:
+    drawn = table(("at", "dead letter"), fold=("dead letter",))
     for one in letters:
         at = datetime.fromtimestamp(one.t).strftime("%H:%M:%S.%f")[:-3]
         both = one.sender or one.receiver
         who = f"{one.sender or '?'} > {one.receiver or '?'}" if both else one.key
-        act = (one.performative, one.protocol, one.id)
-        drawn.add_row(at, Text(one.reason, "red"), who, *act, Text(one.why))
+        act = " ".join(filter(None, (one.protocol, one.performative, one.id)))
+        # the reason has lines of its own: beside six columns 80 letters leave it one each
+        drawn.add_row(at, Text.assemble((one.reason, "red"), f"  {who}  {act}\n{one.why}"))
     if letters:
         console.print(drawn)
     console.print(f"{len(letters)} dead letter{'s' * (len(letters) != 1)}", style="dim")

@@ -159,8 +159,10 @@ def info(
 
 
 def _show(told: "Contents", console: Console, *, keys: bool) -> None:
-    for line in heading(told):
-        console.print(line, soft_wrap=True)
+    file, *facts = heading(told)
+    console.print(file, soft_wrap=True)  # a path stays whole
+    for line in facts:
+        console.print(line)
     console.print(topics(told, keys=keys))
 
 
@@ -174,7 +176,8 @@ def heading(told: "Contents") -> list[str]:
     count = sum(one.count for one in told.topics)
     return [
         f"{folders.near(Path(told.file))}, {size}",
-        f"{begin} to {end}, {last - first:.1f} s, {count} messages in {len(told.topics)} topics",
+        f"{begin} to {end}, {last - first:.1f} s",
+        f"{count} messages in {len(told.topics)} topics",
         _facts(told.versions),
         *(f"{name}: {_facts(facts)}" for name, facts in told.notes.items()),
     ]

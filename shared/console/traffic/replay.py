@@ -94,7 +94,7 @@ def replay(
     after: Annotated[float, option("Begin after so many seconds.", min=0.0)] = 0.0,
     form: Form = Format.TEXT,
 ) -> None:
-    """Say again what a recording holds, with its timing, where no robot hears it.
+    """Replay a recording, with its timing, on a private router that no robot listens to.
 
     It happens on a router of its own; times inside communicates (sent, reply-by) are moved to now.
     With --replace one agent is real, the others are stood in from the recording, and where its

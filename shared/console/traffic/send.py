@@ -85,7 +85,7 @@ def say(
     if fleet is None:
         raise NoRunError(str(run), f"no fleet was started in {run}; `roco up` starts one")
     rule = (draft.sender, draft.receiver, draft.protocol, draft.performative)
-    if rule not in system.design.rules:
+    if not rules(system.design, rule):
         return _voiced(system, run, fleet, draft, wait_s, tell)
     try:
         first = system.design.agent(draft.sender).initial
@@ -276,7 +276,7 @@ def send(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Be an agent: say one communicate to the running fleet, and print what comes back.
+    """Send one communicate as an agent, and print the replies.
 
     Of a fleet in containers it is said in a container of its own beside the agent's. Exits with 1
     where it could not be said, with 2 where the design has no such message (--force says it all the
@@ -335,11 +335,12 @@ def _beside(fleet: "Compose", sender: str, given: dict[str, object], *, force: b
 
 
 def rules(design: Design, chosen: tuple[str, ...]) -> list[Rule]:
-    """The messages of the design that fit what is chosen so far; "" fits all."""
+    """The messages between agents that fit what is chosen so far; "" fits all."""
     return [
         rule
         for rule in design.rules.values()
-        if all(want in ("", have) for want, have in zip(chosen, _names(rule), strict=True))
+        if rule.use not in design.guest_uses
+        and all(want in ("", have) for want, have in zip(chosen, _names(rule), strict=True))
     ]
 
 
@@ -370,7 +371,7 @@ def _list(design: Design, chosen: tuple[str, ...], form: Format, *, missing: boo
 
 def _unknown(design: Design, chosen: tuple[str, ...]) -> str:
     """The first choice that leaves nothing, and what would be left."""
-    fitting = list(design.rules.values())
+    fitting = rules(design, ("",) * len(CHOICES))
     for place, (name, wanted) in enumerate(zip(CHOICES, chosen, strict=True)):
         have = {str(_names(rule)[place]) for rule in fitting}
         fitting = [rule for rule in fitting if wanted in ("", _names(rule)[place])]

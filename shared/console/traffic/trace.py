@@ -143,7 +143,9 @@ def why(
     at: Annotated[
         float | None,
         option(
-            "Of a thing: as it was believed then [s after the first communicate].", "--at", min=0.0
+            "Of a thing: as believed that many seconds after the first communicate.",
+            "--at",
+            min=0.0,
         ),
     ] = None,
     records: Annotated[
@@ -153,14 +155,13 @@ def why(
     run_dir: RunDir = None,
     form: Form = Format.TEXT,
 ) -> None:
-    """Say why a task went as it did, from what is recorded.
+    """Tell why a task went as it did, from what is recorded.
 
-    First comes a plain sentence, as the robot tells it to a person. Then it says how it ended and
-    what led to that, why it waited, which plans were made and what was rejected, and who was away.
-    Without a subject it is the newest task. The subject may also be a thing that the system knows:
-    then it says what is believed, since when, and by which observation. Each sentence repeats
-    something that was said or done and recorded; what is not recorded is not told. Seconds count
-    from the first communicate.
+    First comes a sentence as the robot tells it to a person, then how the task ended and what led
+    to that, why it waited, which plans were made and rejected, and which agents were away. Without
+    a subject it tells of the newest task. For a thing that the system knows it tells what is
+    believed, since when, and by which observation. Each line repeats something that was recorded.
+    Seconds count from the first communicate.
 
     Examples:
       roco why

@@ -21,7 +21,7 @@ from fipa_codec.acl_string.message import (
     Aid,
     At,
 )
-from fipa_codec.acl_string.text import parse, render
+from fipa_codec.acl_string.text import parse, render, render_aid
 
 __all__ = [
     "MAX_ACL_BYTES",
@@ -36,6 +36,7 @@ __all__ = [
     "from_acl",
     "parse",
     "render",
+    "render_aid",
     "reply_names",
     "to_acl",
 ]

@@ -445,6 +445,14 @@ def render(message: AclMessage) -> bytes:
     return data
 
 
+def render_aid(aid: Aid) -> str:
+    """An identifier as it stands in messages, and in contents of agent management (SC00023K).
+
+    Raise LocalProtocolError if its resolvers are nested too deep.
+    """
+    return _aid(aid).decode()
+
+
 def _parameters(message: AclMessage) -> Iterator[bytes]:
     if message.sender:
         yield b":sender " + _aid(message.sender)

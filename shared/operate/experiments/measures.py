@@ -5,10 +5,9 @@ published figure stands beside ours where the system names one.
 """
 
 from collections.abc import Callable, Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import msgspec
-import pyarrow
 
 from operate.experiments.intervals import Interval
 from operate.experiments.run_figures import ExperimentSetting, Figures, Result, SentMessage
@@ -16,6 +15,9 @@ from operate.quantiles import enough
 from operate.recording.history import History
 from operate.system import NoSystemError, System
 from topdown.model.design import Design
+
+if TYPE_CHECKING:
+    import pyarrow
 
 Value = float | int | None
 
@@ -89,7 +91,7 @@ class Measures(msgspec.Struct, frozen=True):
     published: Published = Published()
     notes: dict[str, str] = {}
     drawings: tuple[Drawing, ...] = ()
-    tables: Callable[[History], dict[str, pyarrow.Table]] | None = None
+    tables: "Callable[[History], dict[str, pyarrow.Table]] | None" = None
 
     @property
     def order(self) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from agent_runtime.io.run_files import opened
 
 SOURCE = Path(__file__).with_name("wall_clock.c")
-LIBRARY, SUFFIX = "wall_clock.so", ".clock"
+LIBRARY_FILE, SUFFIX = "wall_clock.so", ".clock"
 COMPILER = "cc"
 COMPILE_S = 30.0  # estimate: it takes 0.1 s
 OFFSET = struct.Struct("=q")
@@ -34,12 +34,12 @@ def made(run: Path, names: tuple[str, ...]) -> dict[str, dict[str, str]]:
     """
     for old in run.glob(f"*{SUFFIX}"):
         old.unlink(missing_ok=True)
-    if not _compiled(run / LIBRARY):
+    if not _compiled(run / LIBRARY_FILE):
         return {}
     for name in names:
         file(run, name).write_bytes(OFFSET.pack(0))
     return {
-        name: {"LD_PRELOAD": str(run / LIBRARY), "ROCO_WALL_CLOCK": str(file(run, name))}
+        name: {"LD_PRELOAD": str(run / LIBRARY_FILE), "ROCO_WALL_CLOCK": str(file(run, name))}
         for name in names
     }
 

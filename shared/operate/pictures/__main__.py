@@ -30,8 +30,9 @@ from operate.pictures.blueprint import LIVE_S, YOUNG
 from operate.pictures.file import NAME, laid_out
 from operate.pictures.server import Server, ServerError, rss_mb
 from operate.pictures.sheet import Sheet
-from operate.pictures.stage import Happening, Lost, Reader, Stage
+from operate.pictures.stage import Stage
 from operate.pictures.viewer_address import LOOPBACK, Place, free_port
+from operate.recording.happenings import Happening, Lost, Reader
 from operate.recording.mcap_file import Reading
 from operate.recording.records import House, Spoken, understood
 from operate.system import System, here

@@ -8,7 +8,8 @@ import rerun.blueprint as rrb
 from agent_runtime.io.run_files import replaced
 from operate.pictures.blueprint import blueprint
 from operate.pictures.sheet import Sheet
-from operate.pictures.stage import Stage, of_history
+from operate.pictures.stage import Stage
+from operate.recording.happenings import of_history
 from operate.recording.history import History
 from operate.system import System
 
@@ -48,5 +49,5 @@ def laid_out(system: System, end_s: float | None) -> rrb.Blueprint:
 
 def end_s(history: History) -> float:
     """The duration of the run [s]."""
-    times = [one.received for one in history.said[-1:]] + [at for at, _ in history.told[-1:]]
+    times = [one.received for one in history.said[-1:]] + [at for at, _ in history.signals]
     return max(times, default=history.begin) - history.begin or 1.0

@@ -1,18 +1,16 @@
 """Everything that is drawn, fed with events; the same live and from a recording.
 
-Events in the order of time; traffic: log, sizes (the paper's Figure 12), bandwidth (Figure 13),
+Traffic: log, sizes (the paper's Figure 12), bandwidth (Figure 13),
 graph, sequence diagram; states of agents; all of them together.
 """
 
 import math
 from collections import defaultdict, deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable
 from typing import Any, Protocol
 
-import msgspec
 import rerun as rr
 
-from fipa_codec.communicate import UNREADABLE
 from operate.fault_lines import Fault
 from operate.pictures.sheet import (
     FRESH,
@@ -29,90 +27,19 @@ from operate.pictures.sheet import (
     scalars,
     states,
 )
-from operate.recording.history import Entered, History, state_in
-from operate.recording.records import House, Record, Spoken, Token, fault_in
+from operate.recording.happenings import Happening, Lost
+from operate.recording.history import Entered
+from operate.recording.records import Spoken
 from operate.system import System
-from operate.verdict_lines import Judged
+from operate.verdict_lines import LEVELS, Judged
 from topdown.judge.verdicts import Verdict
 from topdown.model.design import Design
-
-# --- Events of a run in the order of time: from records as they come, or from a whole history -----
-
-
-class Lost(msgspec.Struct, frozen=True):
-    """So many samples in all could not be shown: drawing was too slow. They are in the
-    recording.
-    """
-
-    samples: int
-
-
-What = Any
-"""Spoken, Judged, Entered, Fault, Lost, or what the system tells on house keys
-(Additions.telemetry).
-"""
-
-
-class Happening(msgspec.Struct, frozen=True):
-    """Something at `at` [unix s]."""
-
-    at: float
-    what: What
-
-
-class Reader:
-    """Reads records as they come; remembers agents' states, to tell what is new."""
-
-    def __init__(self, system: System) -> None:
-        self._decoders: Mapping[str, Callable[[bytes], Any]] = system.addition("telemetry") or {}
-        self._states: dict[str, tuple[str, bool]] = {}
-
-    def read(self, record: Record) -> Iterator[Happening]:
-        """Yield the events of a record; none for what is not drawn or cannot be read."""
-        if isinstance(record, Spoken):
-            yield Happening(record.received, record)
-        elif (fault := fault_in(record)) is not None:
-            yield Happening(fault.began if fault.ended is None else fault.ended, fault)
-        elif isinstance(record, House) and record.kind in self._decoders:
-            try:
-                yield Happening(record.received, self._decoders[record.kind](record.data))
-            except UNREADABLE:
-                return
-        elif isinstance(record, House | Token):
-            yield from self._state(record)
-
-    def _state(self, record: House | Token) -> Iterator[Happening]:
-        now = state_in(record, self._states)
-        if now is not None and self._states.get(now.agent) != (now.state, now.alive):
-            self._states[now.agent] = (now.state, now.alive)
-            yield Happening(now.at, now)
-
-
-def of_history(history: History) -> list[Happening]:
-    """Everything of a recorded run."""
-    found = [Happening(one.received, one) for one in (*history.said, *history.copies)]
-    found += [Happening(one.t, one) for one in history.judged]
-    found += [Happening(at, one) for at, one in history.told]
-    found += [Happening(one.at, one) for one in history.entered]
-    for fault in history.faults:
-        found.append(Happening(fault.began, msgspec.structs.replace(fault, ended=None)))
-        if fault.ended is not None:
-            found.append(Happening(fault.ended, fault))
-    return sorted(found, key=lambda one: one.at)
-
 
 # --- Traffic --------------------------------------------------------------------------------------
 
 
 BIN_S = 0.25
 """Of the bandwidth over time; estimate: some ten queries of a search."""
-LEVELS = {
-    Verdict.LEGAL: "INFO",
-    Verdict.SLOW: "WARN",
-    Verdict.COPY: "DEBUG",
-    Verdict.NOT_JUDGED: "DEBUG",
-}
-"""Of a line of the log; verdicts that are not named here are against the design: ERROR."""
 OTHER = "other"
 
 
@@ -363,9 +290,10 @@ class Sequence:
         sheet.static(ARROWS, rr.Arrows2D.from_fields(radii=[-1.0], show_labels=True))
 
     def take(self, happening: Happening) -> None:
-        """Note a communicate."""
-        if isinstance(happening.what, Spoken):
-            self._said.append(happening.what)
+        """Note a communicate of agents: guests have no lane."""
+        one = happening.what
+        if isinstance(one, Spoken) and self._lanes.keys() >= {one.sender, one.receiver}:
+            self._said.append(one)
             self._changed = True
 
     def pass_time(self, at: float) -> None:

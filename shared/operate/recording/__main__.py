@@ -107,7 +107,8 @@ def hear(options: Options, system: System) -> int:
     threading.Thread(target=_listen_for_the_end, args=(waiting,), daemon=True).start()
     ends = Ends(options.run_dir, system, ends_now(options.run_dir))
     who = CONSOLE if options.keys is None or key_file(options.keys, CONSOLE).is_file() else RECORDER
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped or time.monotonic() > until, who)
+    over = lambda: waiting.stopped or time.monotonic() > until  # noqa: E731
+    tap = open_tap(options, waiting.put, over, who, guests=system.design.guests)
     if tap is None:
         look = f"Its recording is looked at with --run {options.run_dir}"
         why = f"no router answers at {options.connect}; is the fleet up (`roco status`)?"

@@ -4,6 +4,7 @@ named.
 Must not know: what a report wants of it.
 """
 
+import itertools
 from bisect import bisect_left, bisect_right
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -62,14 +63,56 @@ class Entered(msgspec.Struct, frozen=True):
     alive: bool = True
 
 
+class Signals:
+    """What came on house keys that the system can read (Additions.telemetry), in the order of time:
+    when it was heard [unix s], and what. What cannot be read is left out.
+
+    Each is decoded when it is asked for, and once: they are most of a recording, and who asks for
+    the newest one need not wait for all.
+    """
+
+    def __init__(
+        self, houses: Iterable[House] = (), decoders: Mapping[str, Callable[[bytes], Any]] = {}
+    ) -> None:
+        """`houses`: in the order of time. `decoders`: kind of a sample -> its decoder."""
+        self.houses = tuple(house for house in houses if house.kind in decoders)
+        self.decoders = decoders
+        self._decoded: dict[int, tuple[tuple[float, Any], ...]] = {}
+
+    def __iter__(self) -> Iterator[tuple[float, Any]]:
+        return itertools.chain.from_iterable(map(self._at, range(len(self.houses))))
+
+    def until(self, at: float, kind: str) -> Iterator[tuple[float, Any]]:
+        """Those of a kind that were heard up to `at` [unix s], newest first."""
+        return self._of(kind, reversed(range(bisect_right(self.houses, at, key=_received))))
+
+    def after(self, at: float, kind: str) -> Iterator[tuple[float, Any]]:
+        """Those of a kind that were heard after `at` [unix s], oldest first."""
+        begin = bisect_right(self.houses, at, key=_received)
+        return self._of(kind, range(begin, len(self.houses)))
+
+    def _of(self, kind: str, places: Iterable[int]) -> Iterator[tuple[float, Any]]:
+        for place in places:
+            if self.houses[place].kind == kind:
+                yield from self._at(place)
+
+    def _at(self, place: int) -> tuple[tuple[float, Any], ...]:
+        """The one at this place; () if it cannot be read."""
+        if place not in self._decoded:
+            house, found = self.houses[place], tuple[tuple[float, Any], ...]()
+            with suppress(*UNREADABLE):
+                found = ((house.received, self.decoders[house.kind](house.data)),)
+            self._decoded[place] = found
+        return self._decoded[place]
+
+
 class History(msgspec.Struct, frozen=True, dict=True):
     """A run. `said`: communicates in the order of time, each once; `copies`: those that were
     re-sent.
 
-    `hearing`: agent -> what it took, and when. `told`: what came on house keys that the system can
-    read (Additions.telemetry): when it was heard, and what. `judged`: what the judge says of it
-    all. `whole`: the recorder ended in order. `houses`: how many of each kind of samples that are
-    not communicates. `setting`: as the recorder was told it, None in a recording without. `down`:
+    `hearing`: agent -> what it took, and when. `judged`: what the judge says of it all. `whole`:
+    the recorder ended in order. `houses`: how many of each kind of samples that are not
+    communicates. `setting`: as the recorder was told it, None in a recording without. `down`:
     processes that the fleet needs and that died or were given up, as its supervisor told last.
     `faults`: those that were done on purpose.
     """
@@ -78,7 +121,7 @@ class History(msgspec.Struct, frozen=True, dict=True):
     copies: tuple[Spoken, ...] = ()
     receipts: tuple[HeardReceipt, ...] = ()
     hearing: dict[str, Hearing] = {}
-    told: tuple[tuple[float, Any], ...] = ()
+    signals: Signals = Signals()
     entered: tuple[Entered, ...] = ()
     garbage: tuple[Garbage, ...] = ()
     houses: dict[str, int] = {}
@@ -92,8 +135,9 @@ class History(msgspec.Struct, frozen=True, dict=True):
     @property
     def begin(self) -> float:
         """Return the time of the first communicate, or without one of the first record [unix s]."""
-        times = [self.said[0].received] if self.said else [at for at, _ in self.told[:1]]
-        return min(times, default=0.0)
+        if self.said:
+            return self.said[0].received
+        return next((at for at, _ in self.signals), 0.0)
 
     def conversation(self, name: str) -> tuple[Spoken, ...]:
         """What was said in the conversations of this name, in the order of time."""
@@ -163,7 +207,7 @@ def of_records(
         copies=copies,
         receipts=tuple(receipts(houses)),
         hearing=ends.of(records),
-        told=tuple(_decoded(houses, system)),
+        signals=_signals(houses, system),
         entered=tuple(_entered(records)),
         garbage=tuple(record for record in records if isinstance(record, Garbage)),
         houses=dict(Counter(house.kind for house in houses)),
@@ -209,16 +253,11 @@ def _told_apart(ordered: list[Spoken]) -> tuple[tuple[Spoken, ...], tuple[Spoken
     return tuple(said), tuple(copies)
 
 
-def _decoded(houses: list[House], system: System) -> Iterator[tuple[float, Any]]:
+def _signals(houses: list[House], system: System) -> Signals:
     signals = [house for house in houses if house.kind not in NO_SIGNALS]
     if not signals:
-        return  # what reads them may be slow to import
-    decoders: Mapping[str, Callable[[bytes], Any]] = system.addition("telemetry") or {}
-    for house in signals:
-        decode = decoders.get(house.kind)
-        if decode is not None:
-            with suppress(*UNREADABLE):
-                yield house.received, decode(house.data)
+        return Signals()  # what reads them may be slow to import
+    return Signals(signals, system.addition("telemetry") or {})
 
 
 def _entered(records: tuple[Record, ...]) -> Iterator[Entered]:

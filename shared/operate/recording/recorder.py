@@ -14,7 +14,7 @@ import os
 import re
 import signal
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import partial
 from pathlib import Path
@@ -411,6 +411,7 @@ class Recorders:
             for name, run in where.items()
         }
         self._all = tuple(self._of.values())
+        self.guests = tuple(system.design.guests)
         self.files = {name: str(run / TRAFFIC_FILE) for name, run in where.items()}
 
     @property
@@ -498,7 +499,7 @@ def _tap(
     setting = Setting(seed=options.seed, speed=options.speed, scene=scene)
     recorders.each(lambda recorder: recorder.begin(setting))
     with ThreadPoolExecutor(1) as pool:
-        tap = pool.submit(_listen, options, waiting, say)
+        tap = pool.submit(_listen, options, waiting, recorders.guests, say)
         try:
             # now that it records: what draws takes seconds of a busy processor to start
             recorders.show()
@@ -513,9 +514,9 @@ def _tap(
     recorders.each(Recorder.look_for_faults)
 
 
-def _listen(options: Options, waiting: Waiting, say: Say) -> Tap | None:
+def _listen(options: Options, waiting: Waiting, guests: Collection[str], say: Say) -> Tap | None:
     told = lambda why: say("no router", why=why)  # noqa: E731
-    tap = open_tap(options, waiting.put, lambda: waiting.stopped, told=told)
+    tap = open_tap(options, waiting.put, lambda: waiting.stopped, told=told, guests=guests)
     if tap is not None:
         (options.run_dir / f"{NAME}.ready").write_text("records")
     return tap

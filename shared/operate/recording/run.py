@@ -53,14 +53,18 @@ class Run:
     A recording of another version raises NoRecordingError.
     """
 
-    def __init__(self, place: Path, system: System | None = None) -> None:
-        """`system`: else the one that the run names."""
+    def __init__(self, place: Path, system: System | None = None, *, words: bool = True) -> None:
+        """`system`: else the one that the run names. `words`: records and verdicts have contents
+        in a few words, for viewers; else only where the recorder was killed, and verdicts.jsonl is
+        made again.
+        """
         self.place, self.system = place, of_run(place) if system is None else system
+        self._words = words
 
     @cached_property
     def recorded(self) -> Read:
         """The records in the order of time, and whether the recorder ended in order."""
-        return self._read(lambda topic: True)
+        return self._read(lambda topic: True, words=self._words)
 
     def _read(self, wanted: Callable[[str], bool], *, words: bool = True) -> Read:
         """Read what is on these topics, and what the agents' logs have, with contents in a few
@@ -95,7 +99,8 @@ class Run:
     @cached_property
     def judged(self) -> tuple[Judged, ...]:
         """All verdicts about what was said, in the order of time."""
-        return _judged(self.records, self.system)
+        words = self._words or not self.recorded.whole
+        return _judged(self.records, self.system, words=words)
 
     @cached_property
     def history(self) -> History:

@@ -92,14 +92,18 @@ class Latency(msgspec.Struct, frozen=True):
 
 
 def communicates(history: History, design: Design, order: tuple[str, ...] = ()) -> Communicates:
-    """Count a history. `order`: of the agents in the matrix; else the design's."""
+    """Count a history. `order`: of the agents in the matrix; else the design's. Guests of the
+    design that spoke, and their channels, stand behind them.
+    """
     said, agents = history.said, order or tuple(design.agents)
+    guests = (name for one in said for name in (one.sender, one.receiver) if name in design.guests)
+    agents = tuple(dict.fromkeys((*agents, *guests)))
     matrix: dict[str, dict[str, int]] = {a: dict.fromkeys(agents, 0) for a in agents}
     for one in said:
         matrix[one.sender][one.receiver] += 1
-    of_channel = {
-        name: [one.size for one in said if one.channel == name] for name in design.channels
-    }
+    of_channel: dict[str, list[int]] = {name: [] for name in design.channels}
+    for one in said:
+        of_channel.setdefault(one.channel, []).append(one.size)
     per_channel = {name: _sizes(sizes) for name, sizes in of_channel.items()}
     over = Counter(one.channel for one in said if one.size > design.rule(one.communicate).bytes)
     return Communicates(

@@ -29,12 +29,15 @@ def rendered(history: History, report: Report, run: str, system: System) -> str:
     """Return the page of a run."""
     design, began = system.design, datetime.fromtimestamp(report.began)
     stretches = [(one.agent, one.state, one.start, one.end) for one in report.busy]
+    guests = {use.channel: (use.initiator, use.participant) for use in design.guest_uses.values()}
+    ends = {**guests, **{name: channel.ends for name, channel in design.channels.items()}}
     return template(TEMPLATE).render(
         run=run,
         began=began.strftime("%Y-%m-%d %H:%M:%S") if report.began else ABSENT,
         report=report,
-        agents=tuple(design.agents),
-        channels={name: "-".join(channel.ends) for name, channel in design.channels.items()},
+        count=len(design.agents),
+        agents=tuple(report.communicates.matrix),
+        channels={name: "-".join(ends[name]) for name in report.communicates.per_channel},
         busy=figures.busy(stretches, design),
         sizes=figures.sizes(history, design),
         latencies=latencies(report.latency),

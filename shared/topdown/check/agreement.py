@@ -29,7 +29,7 @@ def _languages(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[
         for entry in interface.entries:
             for name in (*entry.arguments, *entry.answers):
                 yield from _class(f"interface {interface.name}, {entry.name}", name, known)
-    for use in design.file.protocol:
+    for use, _ in design.written:
         for message in use.message:
             where = f"protocol {use.name}, {message.sender} {message.performative}"
             for name in (name for name in message.content if not name.startswith("*")):
@@ -86,7 +86,7 @@ def _class(where: str, name: str, known: Mapping[str, frozenset[str]]) -> Iterat
 
 def _unsaid_classes(design: Design, known: Mapping[str, frozenset[str]]) -> Iterator[Finding]:
     """Classes of the languages that no message of the design carries."""
-    messages = ((use, message) for use in design.file.protocol for message in use.message)
+    messages = ((use, message) for use, _ in design.written for message in use.message)
     said = {name for use, message in messages for name in design.contents(use, message)}
     for language in sorted(entry.name for entry in design.file.language):
         for word in sorted(known.get(language, frozenset())):

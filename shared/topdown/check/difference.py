@@ -86,6 +86,8 @@ def _entries(design: Design) -> Entries:
     for kind, value in msgspec.json.decode(msgspec.json.encode(design.file)).items():
         if isinstance(value, dict):
             found[kind, ""] = {field: _value_text(some, field) for field, some in value.items()}
+        if isinstance(value, int):
+            found["file", ""] = {kind: str(value)}
         for number, entry in enumerate(value if isinstance(value, list) else [], start=1):
             name = next((str(entry[field]) for field in _NAMES if field in entry), str(number))
             _take(found, kind, name, entry)

@@ -5,14 +5,17 @@ states that act.
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
+import msgspec
+
 from fipa_codec.exploration import reached
 from fipa_codec.performatives import Performative
+from fipa_codec.tables import Role
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.errors import DesignError, ParameterError
 from topdown.model.findings import Finding, Kind
 from topdown.model.loading import Path_
-from topdown.model.machines import Cause, Machine, ProtocolAct, Row
+from topdown.model.machines import Cause, Machine, ProtocolAct, Row, Use
 from topdown.model.parameters import COUNTABLE, Parameters
 
 
@@ -58,6 +61,10 @@ def _states(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
     reached = reachable(agent)
     for number, state in enumerate(agent.state):
         where, place = f"agent {agent.name}, state {state.name}", (*at, "state", number)
+        if state.error == state.terminal:
+            wrong = f"its error condition {state.error!r} is its terminal condition, too"
+            right = "name another condition, or leave `error` out"
+            yield Finding(Kind.AT_ODDS, where, wrong, right, (*place, "error"))
         if state.name not in reached:
             right = f"lead an arc to it from {', '.join(sorted(reached))}"
             yield Finding(Kind.UNREACHABLE, where, "cannot be reached", right, place)
@@ -69,6 +76,16 @@ def _states(agent: elements.Agent, at: Path_) -> Iterator[Finding]:
             wrong = "has arcs behind one that is always taken"
             right = "put the arc without a condition last"
             yield Finding(Kind.DEAD_ARC, where, wrong, right, place)
+    taken: dict[tuple[str, str], int] = {}
+    for number, arc in enumerate(agent.arc):
+        first = taken.setdefault((arc.source, arc.when), number)
+        if arc.when and first != number:
+            where = f"agent {agent.name}, arc from {arc.source} to {arc.target}"
+            wrong = (
+                f"has the condition {arc.when!r} of the arc to {agent.arc[first].target} before it"
+            )
+            right = "drop it, or give it a condition of its own: the first that holds is taken"
+            yield Finding(Kind.DEAD_ARC, where, wrong, right, (*at, "arc", number))
 
 
 def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding]:
@@ -77,12 +94,13 @@ def _talks(design: Design, agent: elements.Agent, at: Path_) -> Iterator[Finding
     """
     ends = {use.name: (use.initiator, use.participant) for use in design.file.protocol}
     own = {name for name, pair in ends.items() if agent.name in pair}
+    outside = {use.name for use in design.included_uses.values() if use.initiator == agent.name}
     talked: set[str] = set()
     for number, state in enumerate(agent.state):
         for name in state.talks:
-            if name not in own and name not in talked:
+            if name not in own | outside and name not in talked:
                 where = f"agent {agent.name}, state {state.name}"
-                right = f"its protocols are {', '.join(sorted(own))}"
+                right = f"its protocols are {', '.join(sorted(own | outside))}"
                 place = (*at, "state", number)
                 wrong = f"talks in {name!r}, which it has not"
                 yield Finding(Kind.UNDEFINED, where, wrong, right, place)
@@ -140,12 +158,16 @@ class Heard(NamedTuple):
 
 
 def messages(design: Design) -> Iterator[Heard]:
-    """Every message that has two ends."""
+    """Every message that has two ends, of included uses as well."""
     for index, use in enumerate(design.file.protocol):
         for number, message in enumerate(use.message):
             if message.sender in (use.initiator, use.participant):
                 at: Path_ = ("protocol", index, "message", number)
                 yield Heard(use, message.sender, use.peer(message.sender), message, at)
+    for use in design.included_uses.values():
+        at = ("include", [entry.name for entry in design.file.include].index(use.participant))
+        for message in use.message:
+            yield Heard(use, message.sender, use.peer(message.sender), message, at)
 
 
 def side_findings(design: Design) -> Iterator[Finding]:
@@ -193,12 +215,11 @@ def _declared(
 def row_findings(design: Design) -> Iterator[Finding]:
     """Of every agent that has rows."""
     compiled: dict[str, Machine] = {}
-    for index, agent in enumerate(design.file.agent):
+    for agent in design.file.agent:
         try:
             compiled[agent.name] = Machine(design, agent.name)
         except DesignError as error:
-            where = error.field
-            yield Finding(Kind.BAD_ROW, where, error.wrong, error.right, ("agent", index, "row"))
+            yield Finding(Kind.BAD_ROW, error.field, error.wrong, error.right, error.at)
     heard = tuple(messages(design))
     rows = (row for machine in compiled.values() for row in machine.rows)
     said = {_act(word) for row in rows for word in _acts_of(row)}
@@ -206,9 +227,43 @@ def row_findings(design: Design) -> Iterator[Finding]:
     for index, agent in enumerate(design.file.agent):
         machine = compiled.get(agent.name)
         if machine is not None and machine.rows:
+            yield from _once_more(agent, index)
+            yield from _untalked(agent, machine, index)
             yield from _led(agent, machine, index)
             yield from _ends(agent, machine, heard, spoken)
             yield from _unlisted(agent, machine, heard, index)
+
+
+def _once_more(agent: elements.Agent, index: int) -> Iterator[Finding]:
+    """A row that does the same as one before it, at the same event in one of the same states."""
+    seen: dict[tuple[str, elements.Row], int] = {}
+    for number, row in enumerate(agent.row, start=1):
+        plain = msgspec.structs.replace(row, in_=(), text="", ruling="")
+        for state in row.in_:
+            first = seen.setdefault((state, plain), number)
+            if first != number:
+                where, at = f"agent {agent.name}, row {number}", ("agent", index, "row", number - 1)
+                wrong = f"is row {first} once more, in {state}"
+                yield Finding(Kind.TWICE, where, wrong, "drop one of them", at)
+                break
+
+
+def _untalked(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Finding]:
+    """A row that acts in a use stands in a state that talks in it; what it says the next state may
+    say, too, or one that is left at once.
+    """
+    talks = {state.name: {*state.talks} for state in agent.state}
+    passed = {use for state, uses in talks.items() if state not in machine.waits for use in uses}
+    for row in machine.rows if any(talks.values()) else ():
+        own = {use for state in row.states for use in talks[state]}
+        spoken = {word.use for word in _acts_of(row)}
+        taken = {word.use for word in _taken(row)} if spoken or row.to else set()
+        for use in sorted((taken | (spoken - passed - talks.get(row.to, set()))) - own):
+            where, at = f"agent {agent.name}, row {row.number}", ("agent", index)
+            verb, states = "takes" if use in taken else "says", " and ".join(sorted(row.states))
+            wrong = f"{verb} words of {use} in {states}, where no state talks in {use}"
+            right = f"add {use} to `talks` of {states}"
+            yield Finding(Kind.BAD_ROW, where, wrong, right, (*at, "row", row.number - 1))
 
 
 def _led(agent: elements.Agent, machine: Machine, index: int) -> Iterator[Finding]:
@@ -229,7 +284,8 @@ def _ends(
     agent: elements.Agent, machine: Machine, heard: Iterable[Heard], spoken: set[str]
 ) -> Iterator[Finding]:
     """Messages that no row says, or takes. A message's `ruling` answers for it, and the `ruling` of
-    a protocol for all of its messages where its initiator says none of them (not `spoken`).
+    a protocol for all of its messages where its initiator says none of them (not `spoken`). A guest
+    of an included system need not say all that it may.
     """
     says = {_act(word) for row in machine.rows for word in _acts_of(row)}
     takes = {_act(word) for row in machine.rows for word in _taken(row)}
@@ -238,12 +294,27 @@ def _ends(
             continue
         where = f"protocol {one.use.name}, {one.sender} {one.act}"
         right = "give it a row, or drop the message"
-        if one.sender == agent.name and _of(one) not in says:
-            wrong = f"no row of {agent.name} says it"
+        own = one.at[0] == "protocol"
+        vain = _in_vain(machine, one) if one.sender == agent.name else ""
+        if one.sender == agent.name and _of(one) not in says and (own or vain):
+            wrong = f"no row of {agent.name} says `{one.use.name} {one.act}`{vain}"
             yield Finding(Kind.RECEIVED_NOT_SENT, where, wrong, right, one.at)
         if one.receiver == agent.name and _of(one) not in takes:
-            wrong = f"no row of {agent.name} takes it"
+            wrong = f"no row of {agent.name} takes `{one.use.name} {one.act}`"
             yield Finding(Kind.SENT_NOT_RECEIVED, where, wrong, right, one.at)
+
+
+def _in_vain(machine: Machine, one: Heard) -> str:
+    """Who waits for the words of a conversation that this message alone would open."""
+    use = machine.uses[one.use.name]
+    if use.role is not Role.INITIATOR or one.act not in use.protocol.openings:
+        return ""
+    states = sorted({state for row in machine.rows for state in row.states if _about(row, use)})
+    return f", and {machine.agent} in {' or '.join(states)} waits for its words" if states else ""
+
+
+def _about(row: Row, use: Use) -> bool:
+    return row.event.cause in (Cause.TAKE, Cause.LATE) and row.event.name == use.name
 
 
 def _unlisted(
@@ -256,16 +327,21 @@ def _unlisted(
     for row in machine.rows:
         at: Path_ = ("agent", index, "row", row.number - 1)
         where = f"agent {agent.name}, row {row.number}"
-        for words, known, kind, verb in (
-            (_acts_of(row), out, Kind.SENT_NOT_RECEIVED, "says"),
-            (_taken(row), into, Kind.RECEIVED_NOT_SENT, "takes"),
+        for words, known, other, verb in (
+            (_acts_of(row), out, into, "says"),
+            (_taken(row), into, out, "takes"),
         ):
             for word in words:
                 key = (row.number, *_act(word))
-                if _act(word) not in known and word.act != ALWAYS and key not in told:
-                    told.add(key)
-                    wrong = f"{verb} {word.use} {word.act}, which no message lists"
-                    yield Finding(kind, where, wrong, "list it", at)
+                if _act(word) in known or word.act == ALWAYS or key in told:
+                    continue
+                told.add(key)
+                wrong, right = f"{verb} {word.use} {word.act}, which no message lists", "list it"
+                if _act(word) in other:
+                    whose = agent.name if verb == "takes" else machine.uses[word.use].peer
+                    wrong = f"{verb} {word.use} {word.act}, which is for {whose} to say"
+                    right = "name an act of the other end"
+                yield Finding(Kind.BAD_ROW, where, wrong, right, at)
 
 
 def _acts_of(row: Row) -> list[ProtocolAct]:
@@ -378,6 +454,8 @@ def _waitings(design: Design, agent: elements.Agent) -> Iterator[Waiting]:
     """The states in which the agent does nothing but wait for peers, one of which it has asked."""
     rest = agent.rest or (agent.initial,)
     for state in agent.state:
+        if not design.included_uses.keys().isdisjoint(state.talks):
+            continue  # the wait for an included system is over in time
         uses = [design.protocols[name] for name in state.talks if name in design.protocols]
         opens = frozenset(use.name for use in uses if use.initiator == agent.name)
         peers = {use.name: use.peer(agent.name) for use in uses}

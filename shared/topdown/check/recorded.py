@@ -181,9 +181,11 @@ class Answered(msgspec.Struct, frozen=True):
 
 
 def use_of(design: Design, one: Observation) -> elements.Protocol | None:
-    """The use of a protocol a communicate belongs to; None: the design has no such message."""
+    """The use of a protocol a communicate belongs to; None: the design has no such message, or it
+    is a guest's.
+    """
     rule = design.rules.get((one.sender, one.receiver, one.protocol, one.performative))
-    return None if rule is None else design.protocols[rule.use]
+    return None if rule is None else design.protocols.get(rule.use)
 
 
 def answers(design: Design, said: Iterable[Observation]) -> dict[str, tuple[Answered, ...]]:
@@ -221,7 +223,9 @@ def counts(said: Iterable[Observation]) -> Counter[tuple[str, str]]:
 
 def findings(design: Design, run: Observed) -> tuple[Finding, ...]:
     """All findings of one run."""
-    said = run.communicates
+    said = tuple(
+        one for one in run.communicates if not {one.sender, one.receiver} & design.guests.keys()
+    )
     own = (finding for part in (_strange, _sizes, _latencies) for finding in part(design, said))
     return (*own, *sums(design, counts(said)))
 

@@ -4,6 +4,7 @@ section 4, step 2).
 
 from collections.abc import Callable, Iterable, Iterator
 from enum import StrEnum
+from typing import NamedTuple
 
 import msgspec
 
@@ -183,6 +184,48 @@ def known(design: Design, wanted: EvidenceMessage) -> bool:
     return wanted.act in acts and fits
 
 
+# --- Requirements that are lost with an agent
+
+
+class Loss(NamedTuple):
+    """Ids of the leaf requirements that are lost with an agent, and of those that are lost in
+    part.
+    """
+
+    whole: tuple[str, ...]
+    part: tuple[str, ...]
+
+
+def lost_without(design: Design, agent: str) -> Loss:
+    """What nobody can meet once an agent is gone for good: a requirement each of whose uses has the
+    agent at an end; in part, where some of them have.
+    """
+    whole, part = [], []
+    for one in trace(design):
+        gone = [agent in (use.initiator, use.participant) for use in _uses_of(design, one)]
+        if gone and all(gone):
+            whole.append(one.id)
+        elif any(gone):
+            part.append(one.id)
+    return Loss(tuple(whole), tuple(part))
+
+
+def _uses_of(design: Design, one: Traced) -> list[elements.Protocol]:
+    """The uses of the communicates that are its evidence, and their like with other peers: what one
+    robot shows, another can do. Without such evidence the uses on the channels of its steps.
+    """
+    named = {word.name.split(" ")[0] for word in one.evidence if word.kind == "message"}
+    shown = [use for use in design.file.protocol if use.name in named]
+    alike = [use for use in design.file.protocol if any(_alike(use, other) for other in shown)]
+    return alike or [use for use in design.file.protocol if use.channel in one.channels]
+
+
+def _alike(one: elements.Protocol, other: elements.Protocol) -> bool:
+    """Whether two uses ask the same of one agent, or are asked the same by one."""
+    same = (one.follows, one.interface) == (other.follows, other.interface)
+    return same and (one.initiator == other.initiator or one.participant == other.participant)
+
+
 # --- The requirement tree is a tree, every requirement is handled by exactly one step (paper,
 # section 4, step 2)
 
@@ -213,12 +256,35 @@ def findings(design: Design) -> Iterator[Finding]:
                 right = "each requirement in one step"
                 yield Finding(Kind.COVERED_TWICE, where, wrong, right, place)
             handled.setdefault(name, index + 1)
+    yield from _order(design, parents)
+    missing = [name for name in parents if name not in handled]
+    idle = [index for index, step in enumerate(design.file.step) if not step.requirements]
+    for index in idle:
+        here = f" ({', '.join(missing)}: no step handles it)" if missing else ""
+        right = f"name the requirement it is for{here}, or drop the step"
+        where, place = f"step {index + 1}", ("step", index, "requirements")
+        yield Finding(Kind.NO_REQUIREMENT, where, "handles no requirement", right, place)
     for index, name in enumerate(parents):
-        if name not in handled:
+        if name in missing and not idle:  # else the idle step is the cause
             right = "the method stops when all are processed: name it in a step"
             where, at = f"requirement {name}", ("requirement", index)
             yield Finding(Kind.NOT_COVERED, where, "no step handles it", right, at)
     yield from _evidence(design)
+
+
+def _order(design: Design, parents: dict[str, str]) -> Iterator[Finding]:
+    """The method goes from the top down: a step handles no requirement before its parent."""
+    order = {name: None for step in design.file.step for name in step.requirements}
+    seen: set[str] = set()
+    for index, step in enumerate(design.file.step):
+        for name in step.requirements:
+            seen.add(name)
+            parent = parents.get(name, "")
+            if parent in order and parent not in seen and parent != name:
+                wrong = f"handles requirement {name} before its parent {parent}"
+                right = f"handle {parent} in an earlier step, or name it before {name} in this one"
+                at = ("step", index, "requirements")
+                yield Finding(Kind.CHILD_FIRST, f"step {index + 1}", wrong, right, at)
 
 
 def _evidence(design: Design) -> Iterator[Finding]:
@@ -255,7 +321,8 @@ def step_findings(design: Design) -> Iterator[Finding]:
 
 
 def _tasks(design: Design) -> Iterator[Finding]:
-    """Each half has clear, coherent tasks, said in the step that makes it."""
+    """Each half has clear, coherent tasks of its own, said in the step that makes it."""
+    texts: dict[str, tuple[int, str]] = {}
     for index, step in enumerate(design.file.step):
         halves = step.divide.into if step.divide else ()
         told = [task.group for task in step.tasks]
@@ -265,12 +332,26 @@ def _tasks(design: Design) -> Iterator[Finding]:
                 wrong = f"group {half}{agent} has no task"
                 right = "each half has clear, coherent tasks: say it under `tasks`"
                 yield Finding(Kind.NO_TASK, f"step {index + 1}", wrong, right, ("step", index))
+        for number, task in enumerate(step.tasks):
+            if task.group not in halves:
+                continue  # a finding of its own
+            place = ("step", index, "tasks", number)
+            before, group = texts.setdefault(_plain(task.text), (index + 1, task.group))
+            if group != task.group:
+                wrong = f"group {task.group} has the task of {group} (step {before}): {task.text!r}"
+                right = f"say what {task.group} does that {group} does not"
+                yield Finding(Kind.SAME_TASK, f"step {index + 1}", wrong, right, place)
         for group in told:
             if group not in halves:
                 wrong = f"a task is given to {group!r}, which is not a half"
                 right = f"halves are {' and '.join(halves) or 'none in this step'}"
                 where = f"step {index + 1}"
                 yield Finding(Kind.NEVER_INTRODUCED, where, wrong, right, ("step", index, "tasks"))
+
+
+def _plain(text: str) -> str:
+    """Words alone: two texts that differ in case, blanks or a full stop are the same."""
+    return " ".join(text.lower().split()).rstrip(".")
 
 
 def _stops(design: Design) -> Iterator[Finding]:
@@ -291,6 +372,10 @@ def _stops(design: Design) -> Iterator[Finding]:
                 right = f"groups are {', '.join(stages[index + 1].groups)}"
                 wrong = f"stops at {stop.group!r}, which is not a group"
                 yield Finding(Kind.STOP, where, wrong, right, (*at, "stop"))
+            if stop.group in stopped:
+                wrong = f"stops at {stop.group}, as step {stopped[stop.group]} does"
+                right = "say once why a group is divided no further"
+                yield Finding(Kind.STOP, where, wrong, right, (*at, "stop"))
             stopped.setdefault(stop.group, index + 1)
     told = stopped and not design.decomposition.astray
     for group in design.decomposition.last.groups if told else ():
@@ -303,15 +388,18 @@ def _left(design: Design) -> Iterator[Finding]:
     """Groups and agents are the same but for the groups that stay groups."""
     groups = design.decomposition.last.groups
     staying = {entry.name: index for index, entry in enumerate(design.file.group)}
-    for group in groups:
-        if group not in design.agents and group not in staying:
-            right = "give it an agent entry, or a group entry that says it stays a group"
-            where = f"group {group}"
-            yield Finding(Kind.LEFT_OVER, where, "is divided no further and is not an agent", right)
+    bare = [group for group in groups if group not in design.agents and group not in staying]
+    strange = [agent for agent in design.agents if agent not in groups]
+    renamed = len(bare) == len(strange) == 1  # one name, written in two ways
+    for group in bare if not renamed else ():
+        right = "give it an agent entry, or a group entry that says it stays a group"
+        wrong = "is divided no further and is not an agent"
+        yield Finding(Kind.LEFT_OVER, f"group {group}", wrong, right)
     listed = f"groups are {', '.join(groups)}"
     for index, agent in enumerate(design.agents):
         if agent not in groups:
             wrong = "no step ends in this group"
+            wrong += f", and group {bare[0]} has no agent" if renamed else ""
             yield Finding(Kind.NEVER_INTRODUCED, f"agent {agent}", wrong, listed, ("agent", index))
     for name, index in staying.items():
         if name not in groups:

@@ -89,6 +89,7 @@ class What(StrEnum):
     CHANNELS = "channels"
     PROTOCOLS = "protocols"
     INTERFACES = "interfaces"
+    RIGHTS = "rights"
     BUFFERS = "buffers"
     MACHINES = "machines"
 
@@ -116,6 +117,7 @@ def sections(design: Design, choice: Choice = EVERYTHING) -> tuple[Section, ...]
         What.CHANNELS: lambda: system.channels_section(design),
         What.PROTOCOLS: lambda: protocols.section(design, choice.protocol, choice.width),
         What.INTERFACES: lambda: system.interfaces(design, choice.agent),
+        What.RIGHTS: lambda: system.rights_section(design, choice.agent),
         What.BUFFERS: lambda: system.buffers(design),
         What.MACHINES: lambda: machines.section(design, choice.agent),
     }

@@ -1,10 +1,12 @@
 """The system figure (the paper's Figure 10): agents with their control subsystems and buffers,
 channels between them.
 
-A group that stays a group (no agent of its name) has a broken outline. Each end of a channel is a
-pair of buffers on the border: x receives, y sends.
+A group that stays a group (no agent of its name) has a broken outline, and so has an included
+system, which is one box. Each end of a channel is a pair of buffers on the border: x receives, y
+sends.
 """
 
+from collections import defaultdict
 from collections.abc import Iterable, Iterator
 
 import msgspec
@@ -15,11 +17,13 @@ from topdown.draw.document import Figure, Grid, Section, hung, listed
 from topdown.model.decomposition import Channel
 from topdown.model.design import Design, Rule
 from topdown.model.elements import Protocol
+from topdown.model.rights import Action, families, identities, rights
 
 INNER = 196.0  # least width of a box [px]
 PORT = 15.0
 PAIR = 2 * PORT + 12  # room for the two buffers of a channel [px]
 LINE = 15.0
+_ANY = "SYSTEM"  # stands for the name of a system in keys
 
 
 class Join(msgspec.Struct, frozen=True):
@@ -68,26 +72,47 @@ def system_section(design: Design, width: int) -> Section:
 
 def labels(design: Design, channel: Channel) -> tuple[str, ...]:
     """The label of a channel: its id, and who asks whom in which protocol."""
-    uses = (use for use in design.file.protocol if use.channel == channel.id)
+    every = (*design.file.protocol, *design.included_uses.values())
+    uses = (use for use in every if use.channel == channel.id)
     told = (f"{use.follows}: {use.initiator} → {use.participant}" for use in uses)
     return channel.id, *dict.fromkeys(told)
 
 
+def boxes(design: Design) -> tuple[str, ...]:
+    """The groups of the finished design, and the included systems that agents talk with."""
+    outside = dict.fromkeys(use.participant for use in design.included_uses.values())
+    return (*design.decomposition.last.groups, *outside)
+
+
+def joins(design: Design) -> tuple[Channel, ...]:
+    """The channels of the finished design, and one to each included system."""
+    ends = {(use.channel, use.initiator, use.participant) for use in design.included_uses.values()}
+    outside = (Channel(name, (agent, there), (), 0) for name, agent, there in sorted(ends))
+    return (*in_order(design.channels.values()), *outside)
+
+
+def kind_of(design: Design, group: str) -> str:
+    """What a box is, in words."""
+    if group in design.included:
+        return "included system"
+    return "agent" if group in design.agents else "group of agents"
+
+
 def task_of(design: Design, group: str) -> str:
-    """The task of a group: from the step that made it, or from the entry of a group that stays
-    one.
+    """The task of a group: from the step that made it, or from the entry of a group that stays one,
+    or of an included system.
     """
     texts = {entry.name: entry.text for entry in design.file.group}
+    texts |= {entry.name: entry.text for entry in design.file.include}
     return design.decomposition.tasks.get(group, "") or texts.get(group, "")
 
 
 def _plain(design: Design, width: int) -> str:
     lines: list[str] = []
-    for group in design.decomposition.last.groups:
-        kind = "agent" if group in design.agents else "group of agents"
+    for group in boxes(design):
+        kind = kind_of(design, group)
         lines += hung("", f"[{group}] {kind}: {task_of(design, group)}".rstrip(": "), width, "  ")
-        channels = (c for c in design.channels.values() if group in c.ends)
-        for channel in in_order(channels):
+        for channel in (c for c in joins(design) if group in c.ends):
             head, *uses = labels(design, channel)
             words = f"{head} ┄ [{channel.other(group)}]  {'; '.join(uses)}"
             lines += hung("  ", words, width, "     ")
@@ -103,8 +128,8 @@ class _Drawing:
     def __init__(self, design: Design) -> None:
         self.design = design
         self.canvas = Canvas(f"Agents and channels of {design.file.system.name}")
-        groups = design.decomposition.last.groups
-        channels = (c for c in in_order(design.channels.values()) if c.ends[0] != c.ends[1])
+        groups = boxes(design)
+        channels = (c for c in joins(design) if c.ends[0] != c.ends[1])
         shown = [c for c in channels if all(end in groups for end in c.ends)]
         self.cells = placed(groups, [c.ends for c in shown])
         self.joins = [Join(c, labels(design, c), self._sides(c)) for c in shown]
@@ -224,7 +249,7 @@ class _Drawing:
         self.canvas.box(box, "box" if agent else "group", 8)
         x = box.middle[0]
         self.canvas.words((x, box.y + 40), group, "strong large", "middle")
-        kind = "agent" if agent else "group of agents"
+        kind = kind_of(self.design, group)
         self.canvas.words((x, box.y + 55), kind, "small quiet", "middle")
         self.canvas.column((x, box.y + 72), self.words[group], 14, "small", "middle")
         if agent:
@@ -352,3 +377,34 @@ def _interface(design: Design, name: str) -> Iterator[Grid]:
             who = "of" if mine else "from"
             head = ("use", who, "performative", "name", "arguments", "answer")
             yield Grid(f"{name} {title}", head, tuple(entries), folded=len(entries) > 8)
+
+
+def rights_section(design: Design, identity: str | None) -> Section:
+    """Who may write and who gets each key; of one identity its own keys.
+
+    Raises NoSuchEntry for an identity that the design does not have.
+    """
+    if identity is not None and identity not in identities(design):
+        design.agent(identity)
+    ends: dict[str, tuple[list[str], list[str]]] = defaultdict(lambda: ([], []))
+    for right in rights(design, _ANY):
+        ends[right.key][right.action not in (Action.PUT, Action.TOKEN)].append(right.identity)
+    said: dict[tuple[str, ...], list[str]] = defaultdict(list)  # key, writers, readers -> acts
+    other: list[tuple[str, ...]] = []
+    for family in families(design, _ANY):
+        writes, reads = ends[family.key]
+        if identity is None or identity in (*writes, *reads):
+            key = family.key.partition(f"/{_ANY}/")[2]
+            who = (", ".join(writes), ", ".join(reads))
+            if family.act:
+                above, _, act = key.rpartition("/")
+                said[(above, *who)].append(act)
+            else:
+                other.append((key, *who))
+    rows = ((key, ", ".join(sorted(acts)), *who) for (key, *who), acts in sorted(said.items()))
+    of = "" if identity is None else f" of {identity}"
+    lead = f"Who may write a key and who gets it. The rest is denied. Keys begin with roco/{_ANY}/."
+    return Section("rights", f"Rights{of}", lead, (
+        Grid("Messages", ("key", "acts", "may write", "gets it"), tuple(rows), folded=True),
+        Grid("Other keys", ("key", "may write", "gets it"), tuple(other), folded=True),
+    ))  # fmt: skip

@@ -10,7 +10,9 @@ from typing import Generic, NamedTuple, TypeVar
 
 import msgspec
 
+from fipa_codec import deadlines
 from fipa_codec.communicate import Communicate, number_of
+from fipa_codec.conversation import Needs, needs
 from fipa_codec.languages import Kind
 from fipa_codec.performatives import Performative
 from fipa_codec.tables import Role
@@ -55,13 +57,6 @@ class Entry(NamedTuple):
     faulty: bool = False
 
 
-class Waits(NamedTuple):
-    """Somebody waits for an answer to `entry` until `reply_by` [unix s]."""
-
-    entry: Entry
-    reply_by: float
-
-
 class Talk:
     """A conversation. `followed` None: nothing opened it yet.
 
@@ -75,7 +70,11 @@ class Talk:
         self.followed: Followed | None = None
         self.lost = ""
         self.pending: list[Entry] = []
-        self.waits: dict[Role, Waits] = {}
+        self.due: deadlines.Due = ()
+        self.questions: dict[str, Entry] = {}
+        """The last one that asked for each answer, by the answer's name in `due`."""
+        self.withdrawn = False
+        """Whether a cancel that is not answered yet was said by the reply-by of what it cancels."""
         self.opened: tuple[float, elements.Protocol] | None = None
         """When it was opened [s], and in which use; None once it was answered."""
 
@@ -91,7 +90,7 @@ class Talk:
     def lose(self, why: str) -> list[Entry]:
         """Judge it no more; what waited in it."""
         left, self.pending, self.lost = self.pending, [], self.lost or why
-        self.waits.clear()
+        self.due = ()
         if self.followed is not None:
             self.followed.lose()
         return left
@@ -117,26 +116,27 @@ class Talk:
             self.role(one.sender), one.performative, one.reply_with, one.in_reply_to, entry.kinds
         )
 
-    def take(self, entry: Entry) -> str | None:
-        """Follow it. What is wrong with it, in words; None: it is in sequence."""
+    def take(self, entry: Entry) -> str | deadlines.Word:
+        """Follow it. What is wrong with it, in words; or, if it is in sequence, what it says."""
         assert self.followed is not None
         role, said = self.role(entry.communicate.sender), self.read(entry)
         if isinstance(said, str):
-            return None if entry.doubtful else said
+            return self._word(entry, self._at_a_guess(entry)) if entry.doubtful else said
+        word = self._word(entry, said)
         if entry.doubtful:
             self.followed.doubt(role, said)
-            return None
+            return word
         side = self.followed.sides[role]
         wrong = self.followed.mislabelled(role, said.performative, entry.communicate.reply_with)
         if wrong:
             return wrong
         if self.followed.take(role, said):
-            return None
+            return word
         kinds = "|".join(kind for kind in said.kinds if kind)
-        word = f"{said.performative}[{kinds}]" if kinds else str(said.performative)
+        act = f"{said.performative}[{kinds}]" if kinds else str(said.performative)
         states = self.followed.states[0 if role is Role.INITIATOR else 1]
         who = f"{self.followed.protocol.name}: {role} {entry.communicate.sender}"
-        return f"{who} says {word} in {states}; it may say {side.may_say()}"
+        return f"{who} says {act} in {states}; it may say {side.may_say()}"
 
     def overlook(self, entry: Entry) -> None:
         """It was out of sequence: go on as if it had been said, or not."""
@@ -153,19 +153,62 @@ class Talk:
             return TableMessage(one.performative, kinds, one.reply_with)
         return said
 
-    def timed(self, entry: Entry) -> tuple[Verdict, str]:
-        """Whether it came in time, if it is an answer; what it waits for itself is noted."""
-        one, role = entry.communicate, self.role(entry.communicate.sender)
-        verdict, why = self._answered(entry, role)
+    def _word(self, entry: Entry, said: TableMessage) -> deadlines.Word:
+        """The message as the rule of deadlines sees it, before it is taken."""
+        assert self.followed is not None
+        protocol, one = self.followed.protocol, entry.communicate
+        role, act = self.role(one.sender), one.performative
+        again = self.followed.opened and needs(protocol, act) is Needs.SAME
+        kinds = self.followed.sides[role].uses(said)
+        return deadlines.Word(role, act, kinds, one.reply_with, one.in_reply_to, again)
+
+    def timed(self, entry: Entry, word: deadlines.Word) -> tuple[Verdict, str]:
+        """Whether it came in time, if it is an answer; what it asks for itself is noted."""
+        assert self.followed is not None
+        one, protocol = entry.communicate, self.followed.protocol
+        at = one.sent or entry.heard.at
+        found = deadlines.answered(self.due, protocol, word)
+        verdict, why = self._speed(entry, word.role)
+        if found is not None and at > found.by:
+            verdict, why = Verdict.LATE, _how_late(at, found.by, self.questions[found.name])
+        if word.performative is Performative.CANCEL:
+            role = word.role.other.value
+            self.withdrawn = any(one.name == role and at <= one.by for one in self.due)
+        elif Kind.CANCEL in word.kinds:
+            self.withdrawn = False
+        self.due = deadlines.after(self.due, protocol, word, one.reply_by)
+        known = self.questions
         if one.reply_by is not None:
-            self.waits[role] = Waits(entry, one.reply_by)
+            known = known | {deadlines.asked(protocol, word): entry}
+        self.questions = {one.name: known[one.name] for one in self.due}
         return verdict, why
 
-    def _answered(self, entry: Entry, role: Role) -> tuple[Verdict, str]:
-        one, wait = entry.communicate, self.waits.pop(role.other, None)
-        at = one.sent or entry.heard.at
-        if wait is not None and at > wait.reply_by:
-            return Verdict.LATE, _how_late(at, wait)
+    def asks(self, entry: Entry) -> deadlines.Answer | None:
+        """The answer that is due to this one."""
+        return next((one for one in self.due if self.questions[one.name] is entry), None)
+
+    def expire(self, entry: Entry) -> bool:
+        """Whether an answer to this one was waited for in vain: none is taken back by a cancel in
+        time, or owed by who has ended. Nobody waits for it any longer.
+        """
+        asks, asker = self.asks(entry), self.role(entry.communicate.sender)
+        if asks is None or self.followed is None or self.followed.sides[asker.other].ended:
+            return False
+        if self.withdrawn and asks.name != deadlines.CANCEL:
+            return False
+        self.due = tuple(one for one in self.due if one != asks)
+        return True
+
+    def settle(self, asker: Role) -> None:
+        """Nobody waits any longer for answers to what this role asked."""
+        self.due = tuple(
+            one
+            for one in self.due
+            if self.role(self.questions[one.name].communicate.sender) is not asker
+        )
+
+    def _speed(self, entry: Entry, role: Role) -> tuple[Verdict, str]:
+        one = entry.communicate
         if self.opened is None or role is Role.INITIATOR:
             return Verdict.LEGAL, ""
         since, use = self.opened
@@ -188,7 +231,8 @@ class Talks:
     def __init__(self, design: Design) -> None:
         self._tables = design.tables
         self._uses = {
-            (use.initiator, use.participant, use.follows): use for use in design.file.protocol
+            (use.initiator, use.participant, use.follows): use
+            for use in (*design.file.protocol, *design.guest_uses.values())
         }
         self._open: dict[Name, Talk] = {}
         self._over = Remembered[bool](OVER)
@@ -256,19 +300,17 @@ class Talks:
                 self._over.note(talk.name, True)
 
 
-def _how_late(at: float, wait: Waits) -> str:
+def _how_late(at: float, until: float, question: Entry) -> str:
     """Why an answer sent at `at` is late; also if its question was long on its way."""
-    asked = wait.entry.communicate
-    question, way_s = (
-        f"{asked.performative} {asked.id}",
-        wait.entry.heard.at - asked.sent if asked.sent else 0.0,
-    )
+    asked = question.communicate
+    words = f"{asked.performative} {asked.id}"
+    way_s = question.heard.at - asked.sent if asked.sent else 0.0
     slow = (
-        f"; {question} itself was heard {way_s:.3f} s after it was sent"
+        f"; {words} itself was heard {way_s:.3f} s after it was sent"
         if way_s > ON_ITS_WAY_S
         else ""
     )
-    return f"{at - wait.reply_by:.3f} s after the reply-by of {question}{slow}"
+    return f"{at - until:.3f} s after the reply-by of {words}{slow}"
 
 
 def name(one: Communicate) -> Name:

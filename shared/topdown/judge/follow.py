@@ -156,16 +156,27 @@ class Side:
 
         What answers a message by its label is said after that message was taken.
         """
-        least = self._labels.get(said.answers, 0) - self._taken if said.answers else 0
-        saying = self._moves.saying
-        found = [
-            saying(states, said) if n >= least else NOWHERE for n, states in enumerate(self._at)
-        ]
+        found = self._saying(said)
         if not any(found):
             return False
         self._settle(found)
-        self.likely = (not said.sure and saying(self.likely, said)) or self._last()
+        likely = not said.sure and self._moves.saying(self.likely, said)
+        self.likely = likely or self._last()
         return True
+
+    def uses(self, said: TableMessage) -> tuple[Kind, ...]:
+        """Of the uses that it may be those that this role may say now; all, if it may say none."""
+        if len(said.kinds) == 1:
+            return said.kinds
+        may = (kind for kind in said.kinds if any(self._saying(said._replace(kinds=(kind,)))))
+        return tuple(may) or said.kinds
+
+    def _saying(self, said: TableMessage) -> list[States]:
+        least = self._labels.get(said.answers, 0) - self._taken if said.answers else 0
+        saying = self._moves.saying
+        return [
+            saying(states, said) if n >= least else NOWHERE for n, states in enumerate(self._at)
+        ]
 
     def jump(self, said: TableMessage) -> None:
         """It said this although it may not: from here on it may also stand wherever saying it
@@ -245,6 +256,11 @@ class Followed:
         )
 
     @property
+    def opened(self) -> bool:
+        """Whether its opening was said."""
+        return bool(self._rounds)
+
+    @property
     def ended(self) -> bool:
         """Whether both have ended."""
         return all(side.ended for side in self.sides.values())
@@ -257,6 +273,8 @@ class Followed:
         """
         asked, uses = self._labels[role.other], self._waiting(role.other, answers)
         if act is Performative.NOT_UNDERSTOOD:
+            if answers and list(uses) == [act]:
+                return f"it answers {answers!r}, a not-understood, which ended the conversation"
             cancelled = answers != "" and Performative.CANCEL in uses
             kinds = (Kind.CANCEL,) if cancelled else (Kind.PLAIN,)
             return TableMessage(act, kinds, label, answers if cancelled else "", self.durable)

@@ -256,14 +256,13 @@ class Judge:
 
     def _took(self, talk: Talk, entry: Entry) -> bool:
         """Whether it is in sequence, by what was heard so far."""
-        if talk.take(entry) is not None:
+        word = talk.take(entry)
+        if isinstance(word, str):
             return False
-        verdict, why = talk.timed(entry)
-        wait = talk.waits.get(talk.role(entry.communicate.sender))
-        if wait is not None and wait.entry is entry:
-            self._timers.later(
-                wait.reply_by + self._patience, lambda now: self._unanswered(talk, entry)
-            )
+        verdict, why = talk.timed(entry, word)
+        asks = talk.asks(entry)
+        if asks is not None:
+            self._timers.later(asks.by + self._patience, lambda now: self._unanswered(talk, entry))
         if verdict is Verdict.LATE or not entry.faulty:
             self._judge(verdict, entry, why, talk)
         return True
@@ -310,18 +309,14 @@ class Judge:
             return
         talk.pending = [one for one in talk.pending if one is not entry]
         # Never None here: what is explained was taken by the last retry.
-        self._judge(Verdict.OUT_OF_SEQUENCE, entry, talk.take(entry) or "", talk)
+        self._judge(Verdict.OUT_OF_SEQUENCE, entry, str(talk.take(entry)), talk)
         talk.overlook(entry)
-        talk.waits.pop(
-            talk.role(entry.communicate.sender).other, None
-        )  # an answer, if a wrong one: one fault, one verdict
+        # an answer, if a wrong one: one fault, one verdict
+        talk.settle(talk.role(one.sender).other)
         self._retry(talk)
 
     def _unanswered(self, talk: Talk, entry: Entry) -> None:
-        role = talk.role(entry.communicate.sender)
-        wait = talk.waits.get(role)
-        if wait is not None and wait.entry is entry:
-            del talk.waits[role]
+        if talk.expire(entry):
             why = f"{entry.communicate.receiver} had not answered when reply-by passed"
             self._say(Verdict.UNANSWERED, entry.heard, entry.rule.channel, why)
 
@@ -345,7 +340,7 @@ class Judge:
             if agent in talk.agents and talk.followed is not None and not talk.followed.durable:
                 talk.followed.sides[talk.role(agent)].forget()
                 if agent == talk.initiator:
-                    talk.waits.pop(Role.INITIATOR, None)
+                    talk.settle(Role.INITIATOR)
                 self._retry(talk)
 
     # --- verdicts and time ------------------------------------------------------------------------

@@ -106,6 +106,7 @@ class Steps(Machine):
     def _fits(self, row: Row, deed: Done) -> bool:
         return (
             deed.after == (row.to or deed.before)
+            and all(self.uses[use].peer in deed.owed for use in row.owes)
             and all(self._holds(guard.use, guard.words, deed) for guard in row.when)
             and _says(row, [ProtocolAct(*one) for one in deed.said])
         )

@@ -103,11 +103,13 @@ class _Walk:
         self.slips: list[Slip] = []
         self.doubtful: set[str] = set()
         self.astray = False  # the present step divides what it cannot divide
+        self.misled = False  # it gives a half a channel that the divided group has not
 
     def take(self, step: Step) -> Stage:
         """Carry a step out as far as it can be."""
         self.number += 1
         halves = self._divide(step)
+        self.misled = False
         self._reallocate(step, halves)
         self._split(step, halves)
         self._forgotten(step)
@@ -162,8 +164,14 @@ class _Walk:
                 if self.astray:
                     continue  # the division itself is the fault
                 right = "reallocate the divided group's end to one of its halves"
-                kind = Kind.MOVED_WRONGLY
-                self._slip(kind, f"{move.channel} cannot go to {move.to!r}", right, "reallocate")
+                wrong = f"{move.channel} cannot go to {move.to!r}"
+                if not old and step.divide is not None:
+                    self.misled = move.to in halves
+                    group = step.divide.group
+                    wrong += f": it joins {' and '.join(channel.ends)}, and not {group}"
+                    mine = [one.id for one in self.channels.values() if group in one.ends]
+                    right = f"channels of {group} are {', '.join(mine) or 'none'}"
+                self._slip(Kind.MOVED_WRONGLY, wrong, right, "reallocate")
                 continue
             self.channels[move.channel] = channel.moved(old, move.to)
             if all(end in self.groups for end in self.channels[move.channel].ends):
@@ -231,6 +239,8 @@ class _Walk:
             if group not in channel.ends or channel.id in self.doubtful:
                 continue
             self.doubtful.add(channel.id)
+            if self.misled:
+                continue  # the channel that was named in its place is the fault
             other = channel.other(group)
             takes_part = (
                 new for new in step.channels if any(half in new.between for half in halves)

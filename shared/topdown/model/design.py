@@ -8,9 +8,10 @@ computed here, so that it cannot drift. Nothing here knows a particular system, 
 import re
 from collections.abc import Iterator
 from functools import cached_property
+from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple, TypeVar
 from typing import Protocol as Shape
-from typing import TypeVar
 
 import msgspec
 
@@ -19,7 +20,7 @@ from fipa_codec.languages import REASON as REASON_LANGUAGE
 from fipa_codec.languages import Kind, Reason
 from fipa_codec.performatives import Performative
 from fipa_codec.protocols import named
-from fipa_codec.tables import Protocol, Row, Table
+from fipa_codec.tables import START, Protocol, Row, Table
 from topdown.model import elements, loading
 from topdown.model.decomposition import Channel, Decomposition, decompose
 from topdown.model.errors import DesignError, NoSuchEntry
@@ -86,15 +87,25 @@ REASON_BYTES = 1000
 _MAY_SAY_WHY = (Performative.NOT_UNDERSTOOD, Performative.REFUSE, Performative.FAILURE)
 
 
+class Included(NamedTuple):
+    """An included system; `design` None: why it is not there, and what would be right."""
+
+    entry: elements.Include
+    design: "Design | None"
+    wrong: str = ""
+    right: str = ""
+
+
 class Design(msgspec.Struct, frozen=True, dict=True):
     """A design: its file's entries and what follows from them. Look-ups raise NoSuchEntry, which
-    lists what there is.
+    lists what there is. `above`: the files that include it, the outermost first.
     """
 
     file: elements.DesignFile
     path: str = ""
     text: str = ""
     folder: str = ""
+    above: tuple[str, ...] = ()
 
     @property
     def place(self) -> Path:
@@ -122,6 +133,74 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         return {protocol.name: protocol for protocol in self.file.protocol}
 
     @cached_property
+    def guests(self) -> dict[str, elements.Guest]:
+        """The guests by name."""
+        return {guest.name: guest for guest in self.file.guest}
+
+    @cached_property
+    def guest_uses(self) -> dict[str, elements.Protocol]:
+        """The uses of protocols of all guests by name, written out; without those that name what is
+        not there.
+        """
+        return {
+            use.name: self._of_guest(guest.name, use)
+            for guest in self.file.guest
+            for use in guest.use
+            if (use.follows or use.like in self.protocols)
+            and use.agent in self.agents
+            and self.interfaces.keys()
+            >= {*use.interface, *(() if use.follows else self.protocols[use.like].interface)}
+        }
+
+    def guest_use(self, guest: str, agent: str, follows: str) -> elements.Protocol:
+        """The use of a guest with an agent that follows this protocol. Raises NoSuchEntry."""
+        known = {(use.participant, use.follows): use for use in self.uses_of(guest)}
+        if (agent, follows) not in known:
+            with_it = sorted(one for to, one in known if to == agent)
+            raise NoSuchEntry(f"protocol between {guest} and {agent}", follows, with_it)
+        return known[agent, follows]
+
+    @cached_property
+    def written(self) -> tuple[tuple[elements.Protocol, Path_], ...]:
+        """The uses of protocols whose messages stand in the file, each with its place there: those
+        of agents, and those of guests that are like no other.
+        """
+        own = ((use, ("protocol", number)) for number, use in enumerate(self.file.protocol))
+        of_guests = (
+            (self._of_guest(guest.name, use), ("guest", number, "use", place))
+            for number, guest in enumerate(self.file.guest)
+            for place, use in enumerate(guest.use)
+            if use.follows
+        )
+        return (*own, *of_guests)
+
+    @cached_property
+    def included(self) -> dict[str, Included]:
+        """The systems that it includes, by their names here; read when this is asked first."""
+        return {entry.name: _included(self, entry) for entry in self.file.include}
+
+    @cached_property
+    def included_uses(self) -> dict[str, elements.Protocol]:
+        """The uses of included systems in which states of agents talk, by name: the agent asks, the
+        included system answers. Any other use of a guest is its devices' business.
+        """
+        states = ((agent.name, state) for agent in self.file.agent for state in agent.state)
+        talked = {(name, use) for name, state in states for use in state.talks}
+        return {
+            use.name: use
+            for name, one in self.included.items()
+            if one.design is not None
+            for guest in one.entry.guest
+            for there in one.design.uses_of(guest.guest)
+            for use in (_as_included(name, guest.agent, there),)
+            if (guest.agent, use.name) in talked
+        }
+
+    def uses_of(self, guest: str) -> tuple[elements.Protocol, ...]:
+        """The uses of a guest; none where there is no such guest."""
+        return tuple(use for use in self.guest_uses.values() if use.initiator == guest)
+
+    @cached_property
     def interfaces(self) -> dict[str, elements.Interface]:
         """The sets of interface entries by name."""
         return {interface.name: interface for interface in self.file.interface}
@@ -146,7 +225,10 @@ class Design(msgspec.Struct, frozen=True, dict=True):
     def own_tables(self) -> dict[str, Protocol]:
         """The interaction protocols that the design brings along, by name. Raises DesignError."""
         return {
-            entry.name: own_table(entry, self.path or "design.toml") for entry in self.file.table
+            entry.name: own_table(
+                entry, self.path or "design.toml", line_of(self.text, ("table", index))
+            )
+            for index, entry in enumerate(self.file.table)
         }
 
     @cached_property
@@ -155,16 +237,20 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         are left out.
         """
         found = dict(self.own_tables)
-        for name in sorted({use.follows for use in self.file.protocol} - found.keys()):
+        for name in sorted({use.follows for use, _ in self.written} - found.keys()):
             if (table := fipa_table(name)) is not None:
                 found[name] = table
+        for use in self.included_uses.values():
+            there = self.included[use.participant].design
+            if there is not None and use.follows in there.tables:
+                found.setdefault(use.follows, there.tables[use.follows])
         return found
 
     @cached_property
     def rules(self) -> dict[tuple[str, str, str, Performative], Rule]:
         """Every rule, by (sender, receiver, protocol, performative)."""
         found: dict[tuple[str, str, str, Performative], Rule] = {}
-        for use in self.file.protocol:
+        for use in (*self.file.protocol, *self.guest_uses.values()):
             for rule in self._rules_of(use):
                 key = (rule.sender, rule.receiver, rule.protocol, rule.performative)
                 found[key] = _joined(found[key], rule) if key in found else rule
@@ -217,8 +303,10 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         )
 
     def keys_to(self, system: str, receiver: str) -> str:
-        """The key expression (with wildcards) of everything said to an agent, or to a group."""
-        if receiver not in {group.name for group in self.file.group}:
+        """The key expression (with wildcards) of everything said to an agent, a group or a
+        guest.
+        """
+        if receiver not in {*(group.name for group in self.file.group), *self.guests}:
             self.agent(receiver)
         return self.file.system.key.format(
             system=system,
@@ -258,16 +346,15 @@ class Design(msgspec.Struct, frozen=True, dict=True):
     def entries(self, use: str) -> tuple[elements.InterfaceEntry, ...]:
         """The interface entries of a use of a protocol."""
         names = self.protocol(use).interface
-        return tuple(
-            entry
-            for name in names
-            for entry in _look_up("interface", name, self.interfaces).entries
-        )
+        return tuple(entry for name in names for entry in self._entries_of(name))
 
     def side(self, agent: str) -> Side:
-        """The interface of an agent: what it sends and receives."""
-        out = [rule for rule in self.rules.values() if rule.sender == agent]
-        into = [rule for rule in self.rules.values() if rule.receiver == agent]
+        """The interface of an agent: what it sends and receives in its conversations; guests have
+        none with it.
+        """
+        inner = [rule for rule in self.rules.values() if rule.use not in self.guest_uses]
+        out = [rule for rule in inner if rule.sender == agent]
+        into = [rule for rule in inner if rule.receiver == agent]
         return Side(
             sends=frozenset(rule.performative for rule in out),
             receives=frozenset(rule.performative for rule in into),
@@ -294,9 +381,56 @@ class Design(msgspec.Struct, frozen=True, dict=True):
             if not content.startswith("*"):
                 names.append(f"{message.language}.{content}")
                 continue
-            for entry in _look_up("interface", content[1:], self.interfaces).entries:
+            for entry in self._entries_of(content[1:]):
                 names += entry.arguments if message.sender == use.initiator else entry.answers
         return tuple(dict.fromkeys(names))
+
+    def _of_guest(self, guest: str, wanted: elements.GuestUse) -> elements.Protocol:
+        """The use that it is like, with the guest and its agent as ends, or its own. Volatile:
+        nobody keeps a word for a guest that is not there.
+        """
+        if wanted.follows:
+            return elements.Protocol(
+                name=wanted.name,
+                channel=wanted.channel,
+                follows=wanted.follows,
+                initiator=guest,
+                participant=wanted.agent,
+                durable=False,
+                message=wanted.message,
+                interface=wanted.interface,
+                ruling=wanted.ruling,
+            )
+        model = self.protocol(wanted.like)
+        ends = {model.initiator: guest, model.participant: wanted.agent}
+        offered = wanted.interface or model.interface
+        entries = (entry for name in offered for entry in self._entries_of(name))
+        allowed = {name for entry in entries for name in entry.arguments}
+        messages: list[elements.Message] = []
+        for one in model.message:
+            contents = self.contents(model, one)
+            if one.sender == model.initiator and contents:
+                contents = tuple(name for name in contents if name in allowed)
+                if not contents:
+                    continue
+            names = tuple(name.partition(".")[2] for name in contents)
+            sender = ends[one.sender]
+            messages.append(msgspec.structs.replace(one, sender=sender, content=names))
+        return msgspec.structs.replace(
+            model,
+            name=wanted.name,
+            channel=wanted.channel,
+            initiator=guest,
+            participant=wanted.agent,
+            durable=False,
+            latest=False,
+            interface=offered,
+            message=tuple(messages),
+            within="",
+        )
+
+    def _entries_of(self, interface: str) -> tuple[elements.InterfaceEntry, ...]:
+        return _look_up("interface", interface, self.interfaces).entries
 
     def _rules_of(self, use: elements.Protocol) -> list[Rule]:
         rules = [self._rule(use, message) for message in use.message]
@@ -335,10 +469,59 @@ class Design(msgspec.Struct, frozen=True, dict=True):
         )
 
 
-def load(path: Path) -> Design:
-    """The design in the file at `path`. Raises DesignError."""
+def load(path: Path, above: tuple[str, ...] = ()) -> Design:
+    """The design in the file at `path`; `above`: files that include it. Raises DesignError."""
     text = loading.text_of(path)
-    return Design(loading.read(text, str(path)), path.name, text, str(path.resolve().parent))
+    read = loading.read(text, str(path))
+    return Design(read, path.name, text, str(path.resolve().parent), above)
+
+
+# --- Included systems -----------------------------------------------------------------------------
+
+
+def _included(design: Design, entry: elements.Include) -> Included:
+    package, _, inside = entry.file.rpartition(":")
+    right = "name a design file, from this one's folder, or PACKAGE:FILE of an installed package"
+    path = Path(design.folder, entry.file)
+    if package:
+        # of a package without a dot nothing is imported
+        found = find_spec(package) if package.isidentifier() else None
+        if found is None or not found.submodule_search_locations:
+            return Included(entry, None, f"no package {package!r} is installed", right)
+        path = Path(found.submodule_search_locations[0], inside)
+    chain = (*design.above, str(design.place.resolve()))
+    if (again := str(path.resolve())) in chain:
+        circle = " includes ".join((*chain[chain.index(again) :], again))
+        return Included(entry, None, f"{circle}: a circle", "include no design that includes this")
+    if not path.is_file():  # who wrote the design may name a pipe or a device, which has no end
+        return Included(entry, None, f"{path} is no file", right)
+    try:
+        there = load(path, chain)
+    except OSError as error:
+        return Included(entry, None, f"{path} cannot be read ({error.strerror})", right)
+    except DesignError as error:
+        place = error.file if error.line is None else f"{error.file}:{error.line}"
+        return Included(entry, None, f"{place}: {error.field}: {error.wrong}", error.right)
+    for one in there.included.values():
+        if one.design is None:
+            return Included(
+                entry, None, f"{path}, include {one.entry.name}: {one.wrong}", one.right
+            )
+    return Included(entry, there)
+
+
+def _as_included(name: str, agent: str, use: elements.Protocol) -> elements.Protocol:
+    """A guest's use as the including design has it: `agent` asks the system `name`."""
+    ends = {use.initiator: agent, use.participant: name}
+    said = (msgspec.structs.replace(one, sender=ends[one.sender]) for one in use.message)
+    return msgspec.structs.replace(
+        use,
+        name=f"{name}.{use.name}",
+        channel=name,
+        initiator=agent,
+        participant=name,
+        message=tuple(said),
+    )
 
 
 def _joined(one: Rule, other: Rule) -> Rule:
@@ -390,9 +573,13 @@ def fipa_table(name: str) -> Protocol | None:
         return None
 
 
-def own_table(entry: elements.Table, file: str = "design.toml") -> Protocol:
+def own_table(
+    entry: elements.Table, file: str = "design.toml", line: int | None = None
+) -> Protocol:
     """The protocol of an entry. Raises DesignError."""
     try:
+        for role, table in (("initiator", entry.initiator), ("participant", entry.participant)):
+            _leads_on(role, table)
         return Protocol(
             entry.name,
             initiator=_role(entry.initiator),
@@ -402,7 +589,20 @@ def own_table(entry: elements.Table, file: str = "design.toml") -> Protocol:
         )
     except (ValueError, LocalProtocolError) as error:
         right = "rows are [state, send or receive, act, next state], one for each state and act"
-        raise DesignError(file, None, f"table {entry.name}", str(error), right) from error
+        raise DesignError(file, line, f"table {entry.name}", str(error), right) from error
+
+
+def _leads_on(role: str, table: elements.RoleTable) -> None:
+    """Raises ValueError for a row that leads to where the conversation neither goes on nor ends,
+    and where no conversation begins.
+    """
+    left = {state for state, *_ in table.rows} | {*table.ended, *table.resting}
+    for row in table.rows:
+        if row[-1] not in left:
+            where = f"{row[-1]!r}, which no row leaves, and which is not under `ended`"
+            raise ValueError(f"{role}: row {row[0]} {row[1]} {row[2]} leads to {where}")
+    if table.rows and START not in {state for state, *_ in table.rows}:
+        raise ValueError(f"{role}: no row begins in {START!r}, where every conversation begins")
 
 
 def _role(role: elements.RoleTable) -> Table:

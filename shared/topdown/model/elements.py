@@ -8,6 +8,7 @@ system.
 """
 
 from enum import StrEnum
+from typing import Annotated
 
 import msgspec
 
@@ -116,6 +117,64 @@ class StatedChannel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     id: str
     between: tuple[str, str]
+
+
+class GuestUse(Entry, frozen=True):
+    """What a guest may say to one agent in a protocol: it is the initiator, `agent` the
+    participant.
+
+    `like`: another use of a protocol, whose acts and contents these are; `interface`: the sets of
+    its entries that the guest may ask for; none: all. Where agents have no such use: `follows`,
+    `interface` and `message` as of a Protocol, in place of `like`. `channel`: that of the guest and
+    the agent. `consent`: a person must agree to each opening.
+    """
+
+    name: str
+    channel: str
+    agent: str
+    like: str = ""
+    interface: tuple[str, ...] = ()
+    consent: bool = False
+    follows: str = ""
+    message: tuple["Message", ...] = ()
+
+
+class Guest(Entry, frozen=True):
+    """Somebody outside who may say what its rows list, and nothing else. It is not a group of the
+    decomposition: no agent waits for it, relies on it or holds a conversation with it; a door
+    of the agent's process takes its words and answers them.
+
+    `by`: how it comes in, such as MCP, for people. `each_minute`: conversations that it may open
+    within a minute with one agent. `withheld`: fields of contents that it may not set.
+    """
+
+    name: str
+    by: tuple[str, ...]
+    each_minute: int
+    use: tuple[GuestUse, ...]
+    withheld: tuple[str, ...] = ()
+    text: str = ""
+
+
+class IncludedGuest(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Which guest of an included design an agent of this one is."""
+
+    agent: str
+    guest: str
+
+
+class Include(Entry, frozen=True):
+    """Another system, with a design of its own, that agents of this one are guests of.
+
+    `file`: its design file, from this file's folder, or `PACKAGE:FILE` of an installed Python
+    package. A use of a guest is called `NAME.USE` here, with the agent as its initiator and NAME as
+    the other end.
+    """
+
+    name: str
+    file: str
+    guest: tuple[IncludedGuest, ...]
+    text: str = ""
 
 
 class Outcome(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -446,8 +505,19 @@ class Agent(Entry, frozen=True):
     text: str = ""
 
 
+FORMAT = 2
+"""The newest format of design files; an older file is read where none of its entries is gone."""
+CHANGES = {
+    2: (
+        "`[[house]]` is called `[[signal]]`, `[[claim]]` and `[tally]` are gone, and `while` of"
+        " `[[never]]` is evaluated after the event, as guards are"
+    )
+}
+"""What changed with a format, in a sentence without its full stop."""
+
+
 class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The whole file."""
+    """The whole file. `format`: the one it is written in; files of the first one do not name it."""
 
     system: System
     requirement: tuple[Requirement, ...]
@@ -461,4 +531,7 @@ class DesignFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     table: tuple[Table, ...] = ()
     never: tuple[Never, ...] = ()
     group: tuple[Group, ...] = ()
+    guest: tuple[Guest, ...] = ()
+    include: tuple[Include, ...] = ()
     outcome: Outcome | None = None
+    format: Annotated[int, msgspec.Meta(ge=1, le=FORMAT)] = 1

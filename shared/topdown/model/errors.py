@@ -15,10 +15,19 @@ class TopdownError(Exception):
 
 class DesignError(TopdownError):
     """A design file is wrong at `file`, `line` (None: not known), `field`; `wrong` and `right` say
-    how.
+    how. `at`: the entry's path in the file, where it is known.
     """
 
-    def __init__(self, file: str, line: int | None, field: str, wrong: str, right: str) -> None:
+    def __init__(
+        self,
+        file: str,
+        line: int | None,
+        field: str,
+        wrong: str,
+        right: str,
+        at: tuple[str | int, ...] = (),
+    ) -> None:
+        self.at = at
         self.file = file
         self.line = line
         self.field = field

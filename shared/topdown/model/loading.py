@@ -21,9 +21,17 @@ _HEADER = re.compile(r"^\s*(\[\[?)\s*([\w.-]+)\s*\]\]?\s*(?:#.*)?$")
 _TOML_LINE = re.compile(r"\(at line (\d+), column \d+\)")
 _UNKNOWN = re.compile(r"unknown field `([^`]+)`")
 
-_RENAMED = {"house": "signal"}
-"""Top-level entries of designs that were written before: old name -> the name now."""
+_FORMER = {
+    "house": "it is called [[signal]] now",
+    "claim": "it is gone: keep it in a file of your own",
+    "tally": "it is gone: keep it in a file of your own",
+}
+"""Top-level entries of former formats, and what to do."""
 
+_HALVES = (
+    'a step divides a group in exactly two halves: write into = ["one", "other"], and divide one of'
+    " them again in a later step"
+)
 _TOML = "the file must be TOML 1.0"
 
 Path_ = tuple[str | int, ...]
@@ -70,10 +78,8 @@ def _not_fitting(error: msgspec.ValidationError, text: str, name: str) -> Design
         ".".join(f"[{part}]" if isinstance(part, int) else part for part in path).replace(".[", "[")
         or "(file)"
     )
-    now = _RENAMED.get(unknown.group(1)) if unknown and not path else None
-    return DesignError(
-        name, line, field, wrong, f"it is called [[{now}]] now" if now else _right(path, wrong)
-    )
+    former = _FORMER.get(unknown.group(1)) if unknown and not path else None
+    return DesignError(name, line, field, wrong, former or _right(path, wrong))
 
 
 def parts(path: str) -> Path_:
@@ -84,6 +90,10 @@ def parts(path: str) -> Path_:
 
 def _right(path: Path_, wrong: str) -> str:
     """In words what the entry at `path` may hold."""
+    if path[-2:] == ("divide", "into"):
+        return _HALVES
+    if path == ("format",):
+        return f"this version of robot-companion reads formats 1 to {elements.FORMAT}"
     kind: Any = elements.DesignFile
     for part in path:
         kind = _step(kind, part)
@@ -110,12 +120,21 @@ def _step(kind: Any, part: str | int) -> Any:
     )
 
 
+_KINDS: dict[Any, str] = {str: "text", bool: "true or false", int: "an integer", float: "a number"}
+
+
 def _kind_text(kind: Any) -> str:
-    return (
-        kind.__name__
-        if isinstance(kind, type) and not hasattr(kind, "__args__")
-        else str(kind).replace("topdown.model.elements.", "")
-    )
+    """A type in words, as docs/design/format.md has it."""
+    parts = getattr(kind, "__args__", ())
+    if not parts:
+        return _KINDS.get(kind) or str(getattr(kind, "__name__", kind))
+    if getattr(kind, "__origin__", None) is not tuple:
+        return " or ".join(_kind_text(part) for part in parts if part is not type(None))
+    inner = list(dict.fromkeys(_kind_text(part) for part in parts if part is not Ellipsis))
+    if Ellipsis in parts:
+        return f"a list, of each element: {inner[0]}"
+    each = f"each {inner[0]}" if len(inner) == 1 else ", ".join(inner)
+    return f"a list of exactly {len(parts)}: {each}"
 
 
 def line_of(text: str, path: Path_) -> int | None:
@@ -135,7 +154,7 @@ def line_of(text: str, path: Path_) -> int | None:
             continue
         prefix = f"{prefix}.{part}" if prefix else part
         isolated = here + 1 >= len(path) or not isinstance(path[here + 1], int)
-        at = _field(lines, part, begin, end) if prefix != part or not isolated else None
+        at = _field(lines, part, begin, end)
         if at is not None:
             return _element(lines, at, path[here + 1 :]) + 1
         table = _headers(lines, prefix, begin, end)

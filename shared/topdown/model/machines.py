@@ -18,6 +18,7 @@ from fipa_codec.tables import Protocol, Role
 from topdown.model import elements
 from topdown.model.design import Design, act_word
 from topdown.model.errors import DesignError
+from topdown.model.loading import Path_, line_of
 
 NONE = "none"
 """Word for a conversation that is not open, in a row's `when`."""
@@ -99,7 +100,9 @@ class Row(NamedTuple):
 
     def __str__(self) -> str:
         says = f" say {', '.join(map(str, self.say))}" if self.say else ""
-        return f"row {self.number} (on {self.event}{says}{f', to {self.to}' if self.to else ''})"
+        owes = f", owes {' and '.join(self.owes)}" if self.owes else ""
+        to = f", to {self.to}" if self.to else ""
+        return f"row {self.number} (on {self.event}{says}{owes}{to})"
 
 
 class Use(NamedTuple):
@@ -130,10 +133,11 @@ class Machine:
                 durable=use.durable,
                 latest=use.latest,
             )
-            for use in design.file.protocol
+            for use in (*design.file.protocol, *design.included_uses.values())
             if agent in (use.initiator, use.participant) and use.follows in design.tables
         }
         read = _Rows(self, design)
+        read.choices()
         self.rows = tuple(
             read.row(number, row, onward)
             for number, row in enumerate(self.entry.row, start=1)
@@ -172,6 +176,17 @@ class Machine:
             for state in self.waits
         }
 
+    def own(self, state: str) -> tuple[str, ...]:
+        """Words of the own side that rows of this state wait for; none in a state of rest."""
+        rows = self.spontaneous.get(state, ()) if state not in self.rest else ()
+        words = (row.event.name for row in rows if row.event.cause is Cause.OWN)
+        return tuple(dict.fromkeys(words))
+
+    def ends_wait(self, use: str) -> bool:
+        """Whether a row is for the end of the wait in a conversation that this agent opens."""
+        ends = (row for row in self.rows if row.event.cause is Cause.LATE and row.event.name == use)
+        return self.uses[use].role is Role.INITIATOR and any(True for _ in ends)
+
     def takes(self, state: str, use: str, act: Performative, kind: Kind) -> bool:
         """Whether a message is taken in this state; what is not waits in the inbox. Without rows
         everything is.
@@ -192,8 +207,9 @@ class References:
     there is.
     """
 
-    def __init__(self, design: Design, where: str = "") -> None:
+    def __init__(self, design: Design, where: str = "", at: Path_ = ()) -> None:
         self.file, self.where = design.path or "design.toml", where
+        self.text, self.at = design.text, at
 
     def among(self, kind: str, name: str, known: Collection[str]) -> None:
         """Raises DesignError where nothing of this kind has the name."""
@@ -213,40 +229,67 @@ class References:
 
     def error(self, wrong: str, right: str) -> DesignError:
         """What is wrong here."""
-        return DesignError(self.file, None, self.where, wrong, right)
+        line = line_of(self.text, self.at) if self.text and self.at else None
+        return DesignError(self.file, line, self.where, wrong, right, self.at)
 
 
 class _Rows(References):
     def __init__(self, machine: Machine, design: Design) -> None:
-        super().__init__(design)
-        self.machine = machine
+        index = next(i for i, one in enumerate(design.file.agent) if one.name == machine.agent)
+        super().__init__(design, at=("agent", index))
+        self.machine, self.mine = machine, self.at
         uses = machine.uses.values()
-        self.agents = design.agents.keys()
+        self.peers = {use.peer for use in uses}
         self.volatile = {use.name for use in uses if not use.durable}
         self.observed = {use.name for use in uses if use.latest and use.role is Role.PARTICIPANT}
 
     def onwards(self, number: int, row: elements.Row) -> tuple[elements.Onward, ...]:
         """The ways a row goes on; one that adds nothing where it names no choice."""
-        self.where = f"agent {self.machine.agent}, row {number}"
+        self._at_row(number)
         if not row.then:
             return (elements.Onward(),)
         choices = {choice.name: choice.ways for choice in self.machine.entry.choice}
         self.among("choice", row.then, choices.keys())
         return choices[row.then]
 
-    def row(self, number: int, row: elements.Row, onward: elements.Onward) -> Row:
+    def choices(self) -> None:
+        """Raises DesignError for a way that cannot be read, whichever rows go on with it."""
+        states = {state.name for state in self.machine.entry.state}
+        for index, choice in enumerate(self.machine.entry.choice):
+            for number, way in enumerate(choice.ways):
+                self.where = f"agent {self.machine.agent}, choice {choice.name}, way {number + 1}"
+                self.at = (*self.mine, "choice", index, "ways", number)
+                if way.to:
+                    self.among("state", way.to, states)
+                for text in way.say:
+                    self.said(text, self.machine.uses)
+                for text in way.when:
+                    self.guard(text)
+
+    def _at_row(self, number: int) -> None:
         self.where = f"agent {self.machine.agent}, row {number}"
+        self.at = (*self.mine, "row", number - 1)
+
+    def row(self, number: int, row: elements.Row, onward: elements.Onward) -> Row:
+        self._at_row(number)
         states, to = {state.name for state in self.machine.entry.state}, onward.to or row.to
-        for state in (*row.in_, *((to,) if to else ())):
+        if not row.in_:
+            raise self.error("stands in no state", "name under `in` the states it stands in")
+        for state in (*row.in_, *((row.to,) if row.to else ())):
             self.among("state", state, states)
         for use in row.drop:
             self.among("volatile protocol to drop", use, self.volatile)
         for use in row.owes:
-            self.among("latest protocol with a subscriber", use, self.observed)
+            kind = "latest protocol with a subscriber, in which it owes observations,"
+            self.among(kind, use, self.observed)
         for use in row.waits:
             self.among("protocol", use, self.machine.uses)
         if row.moves:
             self.among("protocol", row.moves, self.machine.uses)
+        for field, use in (*(("waits", use) for use in row.waits), ("moves", row.moves)):
+            if use and self.machine.uses[use].role is Role.INITIATOR:
+                wrong = f"`{field}` names {use}, which this agent opens itself"
+                raise self.error(wrong, "name a use in which a peer asks it")
         return Row(
             number,
             frozenset(row.in_),
@@ -268,13 +311,17 @@ class _Rows(References):
             return Event(Cause.TAKE, *self.said(text, self.machine.uses))
         if match[1] == Cause.LATE:
             self.among("protocol", match[2], self.machine.uses)
-        if match[1] == Cause.BACK:
-            self.among("agent", match[2], self.agents)
+        if match[1] == Cause.BACK and match[2] not in self.peers:
+            wrong = f"`{text}` is about no peer of {self.machine.agent}"
+            raise self.error(wrong, f"its peers are {', '.join(sorted(self.peers)) or 'none'}")
         return Event(Cause(match[1] or "restart"), match[2] or "")
 
     def guard(self, text: str) -> Guard:
         use, _, words = text.partition(" ")
-        self.among("protocol", use, self.machine.uses)
+        if use not in self.machine.uses:
+            right = f'write "USE state|state"; its protocols are {", ".join(self.machine.uses)}'
+            wrong = f"guard {text!r} begins with no protocol of {self.machine.agent}"
+            raise self.error(wrong, right)
         table = self.machine.uses[use].protocol.tables[self.machine.uses[use].role]
         known = {*map(str, table.states), NONE, *WORDS}
         for word in words.split("|"):

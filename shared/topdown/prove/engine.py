@@ -15,8 +15,12 @@ import time
 from array import array
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from contextlib import closing
 from itertools import pairwise, zip_longest
+from types import MappingProxyType
 from typing import Any, NamedTuple, Protocol
+
+from topdown.prove.flat import Explorer, Status, TooLarge, explorer
 
 State = Any
 """Anything hashable; two states are the same if they are equal. Flat tuples of small integers are
@@ -77,17 +81,20 @@ class Step(NamedTuple):
 
 
 DEADLOCK, WRONG, UNREACHED = "deadlock", "wrong", "rest out of reach"
+DEAD = "nothing can happen any more, and not all is at rest"
+OUT_OF_REACH = "from here no fair moves lead to rest"
 
 
 class Finding(NamedTuple):
     """`kind`: DEADLOCK, WRONG or UNREACHED; `trace`: a shortest way from the start, where all were
-    as in `start`.
+    as in `start`; `causes`: what is missing there, where that was looked for.
     """
 
     kind: str
     text: str
     trace: tuple[Step, ...]
     start: Mapping[str, str]
+    causes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         numbered = enumerate(self.trace, start=1)
@@ -99,8 +106,9 @@ class Exploration(NamedTuple):
     """Result of an exploration. `complete`: every state was looked at; if not, `unproven` says what
     is open.
 
-    `seconds`: wall time. `findings`: one for each different text, shortest trace first. `reached`:
-    all states, where that was asked for.
+    `seconds`: wall time; `cpu_s`: of the processor. `findings`: one for each different text,
+    shortest trace first. `reached`: all states, `met`: what was met at places of states, where that
+    was asked for.
     """
 
     states: int
@@ -110,6 +118,8 @@ class Exploration(NamedTuple):
     unproven: str
     findings: tuple[Finding, ...]
     reached: Collection[State] = ()
+    met: Mapping[int, Collection[Any]] = MappingProxyType({})
+    cpu_s: float = 0.0
 
     @property
     def holds(self) -> bool:
@@ -125,26 +135,48 @@ def explore(
     progress: Callable[[int, int], None] | None = None,
     first: bool = True,
     keep: bool = False,
+    places: Collection[int] = (),
 ) -> Exploration:
     """Explore a model: stop at `most_states` known states, `seconds` of CPU time, or (`first`) its
     first finding.
 
     `progress(states, waiting)` is called about twice a second. `keep`: hand out all states in
-    `Exploration.reached`.
+    `Exploration.reached`. `places`: where states are tuples, what was met at these places, in
+    `Exploration.met`. A model that has tables (flat.Tabled) is explored in C, where that is built.
     """
-    walk = _Walk(model, most_states, seconds, progress, first)
+    limits = _Limits(most_states or 1 << 31, float("inf") if seconds is None else seconds, first)
+    search = None if keep else explorer(model)
+    if search is not None:
+        try:
+            with closing(search):
+                return _explored(_TabledWalk(model, limits, progress, search), places)
+        except TooLarge:
+            pass  # the other one has no such bounds
+    walk = _Walk(model, limits, progress)
+    found = _explored(walk, places)
+    return found._replace(reached=walk.numbers.keys()) if keep else found
+
+
+def _explored(walk: "_Walk", places: Collection[int]) -> Exploration:
     walk.run()
-    if not (first and walk.findings):
+    if not (walk.limits.first and walk.findings):
         walk.look_back()
     return Exploration(
-        states=len(walk.numbers),
+        states=walk.known,
         edges=walk.edges,
         seconds=time.perf_counter() - walk.began,
         complete=walk.complete,
         unproven=walk.unproven,
         findings=tuple(sorted(walk.findings.values(), key=lambda finding: len(finding.trace))),
-        reached=walk.numbers.keys() if keep else (),
+        met={place: walk.met(place) for place in places},
+        cpu_s=time.thread_time() - walk.began_cpu,
     )
+
+
+class _Limits(NamedTuple):
+    most: int
+    seconds: float
+    first: bool
 
 
 class _Walk:
@@ -156,14 +188,10 @@ class _Walk:
     def __init__(
         self,
         model: Model,
-        most_states: int | None,
-        seconds: float | None,
+        limits: _Limits,
         progress: Callable[[int, int], None] | None,
-        first: bool,
     ) -> None:
-        self.model, self.first, self.progress = model, first, progress
-        self.most = most_states or 1 << 31
-        self.seconds = float("inf") if seconds is None else seconds
+        self.model, self.limits, self.progress = model, limits, progress
         self.numbers: dict[State, int] = {model.start: 0}
         self.parents, self.fair, self.begin = array("I", [0]), array("I"), array("Q", [0])
         self.good = array("I")
@@ -181,11 +209,25 @@ class _Walk:
             if here % LOOK_AT_CLOCK == 0 and self._limited(len(waiting)):
                 return
             self._look(here, waiting.popleft(), waiting)
-            if self.first and self.findings:
-                self.unproven = "the search ended at its first finding; what else is wrong is open"
+            if self._ended():
                 return
             here += 1
         self.complete = True
+
+    def _ended(self) -> bool:
+        ended = self.limits.first and bool(self.findings)
+        if ended:
+            self.unproven = "the search ended at its first finding; what else is wrong is open"
+        return ended
+
+    @property
+    def known(self) -> int:
+        """How many states were found."""
+        return len(self.numbers)
+
+    def met(self, place: int) -> frozenset[Any]:
+        """All that was met at a place of a state."""
+        return frozenset(state[place] for state in self.numbers)
 
     @property
     def looked_at(self) -> int:
@@ -207,7 +249,7 @@ class _Walk:
                 self._go_on(here, moves, waiting)
             else:
                 self.dead.add(here)
-                self._find(DEADLOCK, "nothing can happen any more, and not all is at rest", here)
+                self._find(DEADLOCK, DEAD, here)
         self.begin.append(len(self.fair))
 
     def _go_on(self, here: int, moves: tuple[Move, ...], waiting: deque[State]) -> None:
@@ -225,15 +267,15 @@ class _Walk:
 
     def _limited(self, waiting: int) -> bool:
         """Look at the clock and the count: whether to stop."""
-        now = time.perf_counter()
+        now, known = time.perf_counter(), self.known
         if self.progress is not None and now - self.told > TELL_EVERY_S:
             self.told = now
-            self.progress(len(self.numbers), waiting)
-        over = time.thread_time() - self.began_cpu > self.seconds
-        if over or len(self.numbers) > self.most:
-            limit = f"{self.seconds:g} CPU seconds" if over else f"{self.most} states"
+            self.progress(known, waiting)
+        over = time.thread_time() - self.began_cpu > self.limits.seconds
+        if over or known > self.limits.most:
+            limit = f"{self.limits.seconds:g} CPU seconds" if over else f"{self.limits.most} states"
             self.unproven = (
-                f"stopped at the limit of {limit}: {len(self.numbers)} states known, {waiting} of"
+                f"stopped at the limit of {limit}: {known} states known, {waiting} of"
                 " them not looked at; open is whether a deadlock or a wrong state lies beyond"
                 " them, and whether rest is in reach from there"
             )
@@ -250,7 +292,7 @@ class _Walk:
         here = good.find(0)
         while here >= 0:
             if here not in self.dead:
-                self._find(UNREACHED, "from here no fair moves lead to rest", here)
+                self._find(UNREACHED, OUT_OF_REACH, here)
                 return
             here = good.find(0, here + 1)
 
@@ -292,9 +334,8 @@ class _Walk:
             return
         way = [number]
         while way[-1]:
-            way.append(self.parents[way[-1]])
-        wanted = set(way)
-        states = {n: state for n, state in enumerate(self.numbers) if n in wanted}
+            way.append(self._parent(way[-1]))
+        states = self._states(set(way))
         way.reverse()
         steps = []
         for here, there in ((states[one], states[other]) for one, other in pairwise(way)):
@@ -302,6 +343,61 @@ class _Walk:
             steps.append(Step(who, what, self.model.describe(there)))
         start = self.model.describe(self.model.start)
         self.findings[kind, text] = Finding(kind, text, tuple(steps), start)
+
+    def _parent(self, number: int) -> int:
+        return self.parents[number]
+
+    def _states(self, wanted: Collection[int]) -> dict[int, State]:
+        return {n: state for n, state in enumerate(self.numbers) if n in wanted}
+
+
+class _TabledWalk(_Walk):
+    """The same by the explorer in C, which has the states."""
+
+    def __init__(
+        self,
+        model: Model,
+        limits: _Limits,
+        progress: Callable[[int, int], None] | None,
+        search: Explorer,
+    ) -> None:
+        super().__init__(model, limits, progress)
+        self.search = search
+
+    def run(self) -> None:
+        """Breadth first until nothing is left, or a limit is met."""
+        now, texts = self.search.now, self.search.tables.texts.values
+        while (status := self.search.run()) is not Status.DONE:
+            if status is Status.PAUSE and self._limited(now.states - now.looked):
+                break
+            if status is Status.FOUND:
+                kind = WRONG if now.text >= 0 else DEADLOCK
+                self._find(kind, texts[now.text] if now.text >= 0 else DEAD, now.number)
+                if self._ended():
+                    break
+        self.complete = status is Status.DONE
+        self.edges = now.edges
+
+    @property
+    def known(self) -> int:
+        """How many states were found."""
+        return int(self.search.now.states)
+
+    def met(self, place: int) -> frozenset[Any]:
+        """All that was met at a place of a state."""
+        return self.search.met(place)
+
+    def look_back(self) -> None:
+        """The first state from which no fair moves lead to rest is a finding."""
+        here = self.search.stuck()
+        if here >= 0:
+            self._find(UNREACHED, OUT_OF_REACH, here)
+
+    def _parent(self, number: int) -> int:
+        return int(self.search.now.parent[number])
+
+    def _states(self, wanted: Collection[int]) -> dict[int, State]:
+        return {number: self.search.state(number) for number in wanted}
 
 
 # --- A counterexample as a sequence diagram with states, as text for a terminal -------------------
@@ -392,7 +488,12 @@ def as_text(finding: Finding, width: int = 100) -> str:
     # all who are in a state, then those who only do something (a wire)
     names = list(dict.fromkeys([*finding.start, *(step.who for step in finding.trace)]))
     sheet = _Sheet(names, width)
-    sheet.lines += textwrap.wrap(f"{finding.kind}: {finding.text}", width)
+    head, *told = finding.text, *finding.causes
+    if told and finding.text in (DEAD, OUT_OF_REACH):
+        head, *told = told  # the cause says more
+    sheet.lines += textwrap.wrap(f"{finding.kind}: {head}", width)
+    for cause in told:
+        sheet.lines += textwrap.wrap(cause, width, initial_indent="-> ", subsequent_indent="   ")
     sheet.line([(sheet.places[name], name) for name in names], lifelines=False)
     sheet.states(finding.start)
     before = finding.start

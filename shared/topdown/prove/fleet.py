@@ -9,7 +9,7 @@ state is a flat tuple of small numbers, so that millions fit into memory.
 """
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, NamedTuple
 
 from msgspec.structs import replace
@@ -21,14 +21,16 @@ from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.errors import DesignError
 from topdown.model.machines import Cause, Event, Machine, ProtocolAct, machines
+from topdown.prove.fleet_tables import FleetTables, flat, state_of
 from topdown.prove.local import GONE, Agent, Local, Stray
-from topdown.prove.parts import OWN, RESTART, SAY, Net, Parts, Ready, endless
+from topdown.prove.parts import OWN, RESTART, SAY, Net, Never, Parts, Ready, endless
 
 # --- A group as an end of channels: it may say what the tables of its uses allow, at any time -----
 # Nobody of the design runs a group, so nothing is known of it but its tables and the acts that its
 # messages list. Its rows are made of these: what its peers say it takes, what it is asked it
 # answers sooner or later, by any word that the table has there; what it opens, calls off or
-# observes is its free choice, of which nobody may wait.
+# observes is its free choice, of which nobody may wait. An included system is such a group that may
+# also die for good: all that it says is its free choice.
 
 
 ANYTHING = "anything"
@@ -38,8 +40,8 @@ SAYS, CHOOSES = "own says", "person there"
 
 
 def groups(design: Design) -> tuple[str, ...]:
-    """The groups at ends of uses of protocols. Raises DesignError for an end that is not a group
-    either.
+    """The groups at ends of uses of protocols, and the included systems that agents talk with.
+    Raises DesignError for an end that is not a group either.
     """
     known = {group.name for group in design.file.group}
     found: dict[str, None] = {}
@@ -57,34 +59,52 @@ def groups(design: Design) -> tuple[str, ...]:
                         f"agents are {agents or 'none'}, groups {names or 'none'}; give it an"
                         " [[agent]] or a [[group]]",
                     )
+    found |= {use.participant: None for use in design.included_uses.values()}
     return tuple(found)
 
 
 def composed(design: Design) -> Design:
-    """The design with an agent for each of its groups; the same one where none is at an end of a
-    use.
+    """The design with an agent for each of its groups and included systems; the same one where none
+    is at an end of a use.
     """
     made = [_agent(design, name) for name in groups(design)]
     if not made:
         return design
-    file = replace(design.file, agent=(*design.file.agent, *made))
+    uses = (*design.file.protocol, *design.included_uses.values())
+    tables = (*design.file.table, *_included_tables(design))
+    agents = (*design.file.agent, *made)
+    file = replace(design.file, agent=agents, protocol=uses, table=tables, include=())
     return Design(file, design.path, design.text, design.folder)
 
 
+def _included_tables(design: Design) -> Iterator[elements.Table]:
+    """The tables of included designs that uses here follow."""
+    known = set(design.own_tables)
+    for use in design.included_uses.values():
+        there = design.included[use.participant].design
+        for table in there.file.table if there is not None else ():
+            if table.name == use.follows and table.name not in known:
+                known.add(table.name)
+                yield table
+
+
 def _agent(design: Design, group: str) -> elements.Agent:
-    uses = [use for use in design.file.protocol if group in (use.initiator, use.participant)]
-    tables = design.tables
-    ends = [_End(use, group, tables[use.follows]) for use in uses if use.follows in tables]
+    every = (*design.file.protocol, *design.included_uses.values())
+    uses = [use for use in every if group in (use.initiator, use.participant)]
+    tables, dies = design.tables, group in design.included
+    ends = [_End(use, group, tables[use.follows], dies) for use in uses if use.follows in tables]
     rows = (*(row for end in ends for row in end.rows()), *_renewals(ends))
     state = elements.State(ANYTHING, "chaos", "never", talks=tuple(end.use.name for end in ends))
     return elements.Agent(name=group, initial=ANYTHING, state=(state,), row=rows)
 
 
 class _End:
-    """A group's end of one use."""
+    """A group's end of one use. `dies`: it may say nothing more for ever."""
 
-    def __init__(self, use: elements.Protocol, group: str, protocol: Protocol) -> None:
-        self.use, self.protocol = use, protocol
+    def __init__(
+        self, use: elements.Protocol, group: str, protocol: Protocol, dies: bool = False
+    ) -> None:
+        self.use, self.protocol, self.dies = use, protocol, dies
         self.role, self.peer = use.role(group), use.peer(group)
         self.table = protocol.tables[self.role]
         self.acts = {message.performative for message in use.message if message.sender == group}
@@ -95,7 +115,7 @@ class _End:
         """All of this use: what is taken, said, and opened."""
         yield from self._taken()
         for said in dict.fromkeys(self._said()):
-            free = said.act is Performative.CANCEL or self._opens(said)
+            free = self.dies or said.act is Performative.CANCEL or self._opens(said)
             yield _group_row(CHOOSES if free else SAYS, said)
         for said in self.openings():
             yield _group_row(
@@ -240,6 +260,10 @@ class Soft:
             found = (*self._taken(ends), *self.by_itself(ends), *self._lost(ends))
             self._turns[ends] = found
         return found
+
+    def turns_between(self, asker: int, server: int, net: int) -> tuple[Turn, ...]:
+        """The same by numbers."""
+        return self.turns(Ends(asker, server, net))
 
     def _with(self, ends: Ends, net: Net) -> Ends:
         return ends._replace(net=self.parts.nets(net))
@@ -395,11 +419,15 @@ class Fleet:
     def __init__(
         self, design: Design, faults: Faults | None = None, parts: dict[str, Machine] | None = None
     ) -> None:
-        self.faults = faults or Faults()
+        self.design, self.faults = design, faults or Faults()
         self.groups = frozenset(groups(design))
         whole = composed(design)
-        self.parts = Parts(whole, parts or machines(whole))
+        # who waits for an included system has a limit that does not depend on it
+        self.parts = Parts(whole, parts or machines(whole), frozenset(design.included_uses))
         self.names, self.count = self.parts.names, len(self.parts.names)
+        # one that died in the middle of something rests as it is
+        dying = {use.participant for use in design.included_uses.values()}
+        self.resting = [place for name, place in self.parts.place.items() if name not in dying]
         queues = self.parts.queue_of.items()
         self.inbound = [(slot, self.parts.place[to]) for (_, to), slot in queues]
         self.waiting = [self.parts.place[name] for name in self.faults.waiting]
@@ -441,7 +469,7 @@ class Fleet:
                 # Waits are over as faults; or, with an agent that dies for good, once it has.
                 if ready.late and not (self._is_gone(state) if gone else faulty):
                     continue
-                there = self._after(list(state), state, number, ready)
+                there = self._after(list(state), number, ready)
                 fair, fault = (True, False) if ready.late and gone else (ready.fair, ready.fault)
                 yield name, ready.label, self._less(there) if fault else there, fair, fault
         for slot, number in self.inbound:
@@ -454,7 +482,7 @@ class Fleet:
         if gone and not self._is_gone(state):
             number = parts.place[gone]
             (ready,) = parts.unasked(number, state[number], GONE)
-            yield gone, "dies for good", self._after(list(state), state, number, ready), False, True
+            yield gone, "dies for good", self._after(list(state), number, ready), False, True
 
     def at_rest(self, state: Flat) -> bool:
         """All idle, nothing on its way, subscriptions live, observations known; with `gone`: all
@@ -489,7 +517,7 @@ class Fleet:
     def _all_rest(self, state: Flat) -> bool:
         if any(state[self.count : self.count + len(self.inbound)]):
             return False
-        agents = all(self.parts.resting(number, state[number]) for number in range(self.count))
+        agents = all(self.parts.resting(number, state[number]) for number in self.resting)
         return agents and all(soft.at_rest(self._ends(state, soft)) for soft in self.soft)
 
     # --- moves ------------------------------------------------------------------------------------
@@ -506,7 +534,7 @@ class Fleet:
             for ready in found:
                 after = list(state)
                 after[slot] = rest
-                there = self._after(after, state, number, ready)
+                there = self._after(after, number, ready)
                 yield self.names[number], ready.label, there, True, False
 
     def _from_net(self, state: Flat, soft: Soft, faulty: bool) -> Iterator[Found]:
@@ -517,7 +545,7 @@ class Fleet:
                 continue
             after = list(state)
             after[soft.asker], after[soft.server], after[soft.slot] = ends
-            there = tuple(after) if ready is None else self._after(after, state, number, ready)
+            there = tuple(after) if ready is None else self._after(after, number, ready)
             yield who, what, self._less(there) if fault else there, not fault, fault
 
     def _ends(self, state: Flat, soft: Soft) -> Ends:
@@ -528,7 +556,7 @@ class Fleet:
             if self.parts.local(number, state[number]).state == GONE:
                 continue
             for ready in self.parts.unasked(number, state[number], RESTART):
-                there = self._after(list(state), state, number, ready)
+                there = self._after(list(state), number, ready)
                 if not isinstance(there[0], str):
                     heard = enumerate(there[: self.count])
                     told = (self.parts.with_news(other, local, name) for other, local in heard)
@@ -541,25 +569,68 @@ class Fleet:
         counted = isinstance(state[-1], int) and state[-1] > 0
         return (*state[:-1], state[-1] - 1) if counted else state
 
-    def _after(self, after: list[Any], before: Flat, number: int, ready: Ready) -> Flat:
+    def _after(self, after: list[Any], number: int, ready: Ready) -> Flat:
         """The state after an outcome of an agent."""
         if ready.again:
-            twice = f"begins an act twice in one conversation of {ready.again}"
-            return (f"{self.names[number]} {twice}",)
+            return (self.twice(number, ready),)
+        for slot, kind, said in ready.happened:
+            after[slot] = self.parts.net_after(after[slot], kind, said)
         for rule in ready.rules:
-            if rule.broken(self.parts, before):
-                return (f"{rule.name}: {rule.text}",)
+            if rule.broken(self.parts, after):
+                return (self.broken(rule),)
         self.used.add((self.names[number], ready.row))
         after[number] = ready.there
         for slot, kind, said in ready.effects:
             if kind == SAY:
                 words = (*self.parts.queues.values[after[slot]], said)
-                if len(words) > QUEUE_BOUND:
-                    return (f"{OVERFULL}: {', '.join(map(str, words))}",)
+                overfull = self.overfull(words)
+                if overfull:
+                    return (overfull,)
                 after[slot] = self.parts.queues(words)
             else:
                 after[slot] = self.parts.net_after(after[slot], kind, said)
         return tuple(after)
+
+    # --- what is wrong with a move ----------------------------------------------------------------
+
+    def twice(self, number: int, ready: Ready) -> str:
+        """An act was begun that had been begun before."""
+        return f"{self.names[number]} begins an act twice in one conversation of {ready.again}"
+
+    @staticmethod
+    def broken(rule: Never) -> str:
+        """A rule of the design is broken."""
+        return f"{rule.name}: {rule.text}" if rule.text else rule.name
+
+    @staticmethod
+    def overfull(words: tuple[ProtocolAct, ...]) -> str:
+        """Too many words wait in a queue; "" while there are not."""
+        return f"{OVERFULL}: {', '.join(map(str, words))}" if len(words) > QUEUE_BOUND else ""
+
+    # --- for the explorer in C --------------------------------------------------------------------
+
+    @property
+    def rows(self) -> tuple[tuple[str, int], ...]:
+        """Numbers of the rows of each agent; 0 is what the runtime does by itself."""
+        machines = (agent.machine for agent in self.parts.agents)
+        return tuple((one.agent, row) for one in machines for row in range(len(one.entry.row) + 1))
+
+    def tables(self) -> FleetTables:
+        """The same model as tables."""
+        return FleetTables(self, flat(self.start))
+
+    def state_of(self, numbers: tuple[int, ...]) -> Flat:
+        """The state that these numbers stand for."""
+        return state_of(numbers)
+
+    def wrong_state(self, text: str) -> Flat:
+        """What _after says in place of a state."""
+        return (text,)
+
+    def note_taken(self, numbers: Iterable[int]) -> None:
+        """Rows that the explorer in C took."""
+        rows = self.rows
+        self.used |= {rows[number] for number in numbers}
 
     # --- after the exploration --------------------------------------------------------------------
 

@@ -64,22 +64,32 @@ class Effect(NamedTuple):
 class Outcome(NamedTuple):
     """Result of an event: `label` in words, `row` its number (0: the runtime's own answer),
     `again`: an act was begun that had been begun before.
+
+    `heard`, `happened`: the local state and the effects of the event alone, before the row says
+    anything: guards and `while` are evaluated there.
     """
 
     there: Local
     effects: tuple[Effect, ...]
     label: str
     row: int
+    heard: Local
+    happened: tuple[Effect, ...] = ()
     again: str = ""
 
 
 class Agent:
     """An agent of the composed model. `silent`: words that change nothing anywhere, which are not
-    sent.
+    sent. `direct`: uses whose words a device brings, so that none waits in the inbox.
     """
 
-    def __init__(self, machine: Machine, silent: frozenset[ProtocolAct]) -> None:
-        self.machine, self.silent = machine, silent
+    def __init__(
+        self,
+        machine: Machine,
+        silent: frozenset[ProtocolAct],
+        direct: frozenset[str] = frozenset(),
+    ) -> None:
+        self.machine, self.silent, self.direct = machine, silent, direct
         self.uses: tuple[Use, ...] = tuple(machine.uses.values())
         self.index = {use.name: number for number, use in enumerate(self.uses)}
         self.take = lru_cache(maxsize=None)(self._take)
@@ -124,13 +134,15 @@ class Agent:
                 return f"{self.machine.agent} knows no conversation of {said.use} and got {said}"
             # the runtime answers a cancel of what has ended as the table says
             said_late = (Effect("say", use.name, one) for one in self.late_answers(use.name))
-            return (Outcome(local, tuple(said_late), f"{said} <- {use.peer}, too late", 0),)
+            return (Outcome(local, tuple(said_late), f"{said} <- {use.peer}, too late", 0, local),)
         named = self.machine.by_event.get((local.state, Event(Cause.TAKE, *said)), ())
         rows = [row for row in named if not row.several]
         who = f"{self.machine.agent} in {local.state}"
+        found = table.find(talk or START, RECEIVE, said.act, said.kind)
+        if not rows and found is not None and said.use in self.direct:
+            return f"no row of {who} takes {said}, which does not wait"
         if not rows:
             return f"only rows for several at a time of {who} take {said}" if named else None
-        found = table.find(talk or START, RECEIVE, said.act, said.kind)
         if found is None:
             return Stray(f"{who} has {said.use} in {talk or NONE} and got {said}")
         after = self.with_talk(local, said.use, str(found.to))
@@ -166,12 +178,13 @@ class Agent:
             after = self.with_talk(after, event.name, "") if gives_up else after
             closed = (Effect("close", event.name),) if gives_up else ()
             for outcome in self._apply(after, [row]):
-                found.append((outcome._replace(effects=(*closed, *outcome.effects)), event))
+                happened = (*closed, *outcome.happened)
+                found.append((outcome._replace(happened=happened), event))
         answered = {event.name for _, event in found if event.cause is Cause.BACK}
         # news are told once: where no row answers them, they change nothing
         for peer in sorted(local.news - answered):
             after = local._replace(news=local.news - {peer})
-            dropped = Outcome(after, (), f"news of {peer} is dropped", 0)
+            dropped = Outcome(after, (), f"news of {peer} is dropped", 0, after)
             found.append((dropped, Event(Cause.BACK, peer)))
         return tuple(found)
 
@@ -193,9 +206,9 @@ class Agent:
         after = local._replace(talks=talks, news=self.watched)
         rows = self.machine.by_event.get((local.state, Event(Cause.RESTART)), ())
         outcomes = tuple(self._apply(after, [row for row in rows if not row.several]))
-        found = outcomes or (Outcome(after, (), "", 0),)
+        found = outcomes or (Outcome(after, (), "", 0, after),)
         return tuple(
-            one._replace(effects=(*closed, *one.effects), label=f"{DIES}{_and(one.label)}")
+            one._replace(happened=(*closed, *one.happened), label=f"{DIES}{_and(one.label)}")
             for one in found
         )
 
@@ -210,24 +223,23 @@ class Agent:
         found = self.take(local, said)
         if found is None or isinstance(found, str):
             return True
-        return any(one.there != local or one.effects for one in found)
+        return any(one.there != local or one.happened or one.effects for one in found)
 
     def gone(self) -> Outcome:
         """Dead for good."""
         closed = tuple(Effect("close", use.name) for use in self.uses if not use.durable)
-        return Outcome(Local(GONE, ("",) * len(self.uses)), closed, "dies for good", 0)
+        there = Local(GONE, ("",) * len(self.uses))
+        return Outcome(there, closed, "dies for good", 0, there)
 
     # --- a row applied ----------------------------------------------------------------------------
 
     def _apply(self, after: Local, rows: list[Row]) -> Iterator[Outcome]:
         """Every row that applies to `after` (the event has happened to it)."""
         for row in rows:
-            local, effects = after, []
-            for name in row.owes:
-                local = local._replace(owed=local.owed | {name})
-                effects.append(Effect("owe", name))
-            if not all(self._holds(local, guard) for guard in row.when):
+            heard = local = after._replace(owed=after.owed.union(row.owes))
+            if not all(self.holds(heard, guard) for guard in row.when):
                 continue
+            happened, effects = tuple(Effect("owe", name) for name in row.owes), []
             called = {guard.use for guard in row.when if WAITING in guard.words}
             local = local._replace(waiting=local.waiting - called)
             for name in row.drop:
@@ -247,13 +259,18 @@ class Agent:
             ended, closing = self._forget_ended(local)
             if ended is not None:
                 done = (*effects, *said, *closing)
-                yield Outcome(ended, done, self.label(row), row.number, again)
+                yield Outcome(ended, done, self.label(row), row.number, heard, happened, again)
 
-    def _holds(self, local: Local, guard: Guard) -> bool:
+    def holds(self, local: Local, guard: Guard) -> bool:
+        """Whether a guard holds in a local state."""
         talk = self.talk(local, guard.use) or NONE
         due = UNSETTLED if guard.use in local.owed else SETTLED
         turn = WAITING if guard.use in local.waiting else SERVED
         return talk in guard.states or not guard.words.isdisjoint((due, turn))
+
+    def may_say(self, local: Local, words: tuple[ProtocolAct, ...]) -> bool:
+        """Whether the tables allow these words, one after the other."""
+        return self._spoken(local, words) is not None
 
     def _spoken(
         self, local: Local, words: tuple[ProtocolAct, ...]

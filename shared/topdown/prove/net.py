@@ -26,11 +26,14 @@ agents, files.
 """
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import cached_property
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from functools import cached_property, partial
 from typing import Any, NamedTuple
 
 from topdown.prove.engine import Move
+from topdown.prove.flat import KEYS, Case, Do, Has, If, Numbered, Row, Site, Step, Tables
+from topdown.prove.flat import Move as FlatMove
 
 
 class Variable(NamedTuple):
@@ -241,11 +244,30 @@ class NetModel:
         self.moves: Callable[[Any], list[Move]] = functions["moves"]
         self.at_rest: Callable[[Any], bool] = functions["at_rest"]
         self.wrong: Callable[[Any], str] = functions["wrong"]
+        self.contents = Numbered(())
 
     @cached_property
     def places(self) -> dict[str, int]:
         """Index of each variable and queue in a state."""
         return {thing.name: place for place, thing in enumerate(self.net.things)}
+
+    # --- for the explorer in C --------------------------------------------------------------------
+
+    def tables(self) -> Tables:
+        """The same model as tables, in which a queue is the number of its content."""
+        return _NetTables(self.net, self.contents)
+
+    def state_of(self, numbers: tuple[int, ...]) -> Any:
+        """The state that these numbers stand for."""
+        many = len(self.net.variables)
+        return (*numbers[:many], *(self.contents.values[number] for number in numbers[many:]))
+
+    def wrong_state(self, text: str) -> Any:
+        """There is none: nothing that a net does is wrong by itself."""
+        raise AssertionError(text)
+
+    def note_taken(self, numbers: Iterable[int]) -> None:
+        """Nobody asks which commands were carried out."""
 
     def describe(self, state: Any) -> dict[str, str]:
         """Lifeline -> the values of what it owns; empty queues are left out."""
@@ -292,12 +314,21 @@ class _Tree:
             node = node.branches.setdefault(condition, _Tree())
         node.moves.append(move)
 
+    def by_cell(self) -> "list[tuple[str, _Tree]]":
+        """The branches, those that ask for the same cell together."""
+        return sorted(self.branches.items(), key=lambda branch: branch[0].split(" == ")[0])
+
+    def in_order(self) -> Iterator[str]:
+        """The moves in the order in which `lines` has them."""
+        yield from self.moves
+        for _, branch in self.by_cell():
+            yield from branch.in_order()
+
     def lines(self, indent: str) -> list[str]:
         """Source; branches that compare one cell with different numbers exclude each other."""
         lines = [f"{indent}out.append({move})\n" for move in self.moves]
-        by_cell = sorted(self.branches.items(), key=lambda branch: branch[0].split(" == ")[0])
         before = ""
-        for condition, branch in by_cell:
+        for condition, branch in self.by_cell():
             cell, _, number = condition.partition(" == ")
             word = "elif" if number.isdigit() and cell == before else "if"
             before = cell if number.isdigit() else ""
@@ -307,14 +338,23 @@ class _Tree:
 
 def _commands(net: Net, cells: Cells) -> list[str]:
     """The body of `moves`."""
-    known, tree = net.by_name, _Tree()
+    moves = []
     for command in net.commands:
+        there = _after(net, command.effects, cells)
+        moves.append(
+            f"({command.who!r}, {command.what!r}, {there}, {command.fair}, {command.fault})"
+        )
+    return _tree(net, cells, moves).lines("    ")
+
+
+def _tree(net: Net, cells: Cells, moves: list[str]) -> _Tree:
+    """The moves of all commands under their conditions."""
+    known, tree = net.by_name, _Tree()
+    for command, move in zip(net.commands, moves, strict=True):
         conditions = [_guard(guard, known, cells) for guard in command.guards]
         conditions += [f"len({cells[name]}) <= {most}" for name, most in rooms(net, command)]
-        there = _after(net, command.effects, cells)
-        move = f"({command.who!r}, {command.what!r}, {there}, {command.fair}, {command.fault})"
         tree.add(conditions, move)
-    return tree.lines("    ")
+    return tree
 
 
 def rooms(net: Net, command: Command) -> Iterator[tuple[str, int]]:
@@ -371,6 +411,110 @@ def _after(net: Net, effects: tuple[Effect, ...], cells: Cells) -> str:
                 place = thing.words.index(word) if isinstance(thing, Queue) else ""
                 now[name] = f"({now[name]} + ({place},))"
     return f"({', '.join(now[name] for name in cells)},)"
+
+
+# --- A net as tables for the explorer in C: one site, whose key is what most commands ask ---------
+
+
+class _NetTables(Tables):
+    """`contents`: numbers of what is in queues, each a tuple of words by number."""
+
+    def __init__(self, net: Net, contents: Numbered) -> None:
+        super().__init__((*(one.first for one in net.variables), *(0 for _ in net.queues)))
+        self.net, self.contents, self.known = net, contents, net.by_name
+        self.place = {thing.name: place for place, thing in enumerate(net.things)}
+        asked = Counter(
+            guard.variable
+            for command in net.commands
+            for guard in command.guards
+            if isinstance(guard, Is)
+        )
+        self.keys = [name for name, _ in asked.most_common(KEYS)]
+        cells = {thing.name: f"v{place}" for place, thing in enumerate(net.things)}
+        numbers = [str(number) for number in range(len(net.commands))]
+        self.moves = [
+            (command, self._move(command))
+            for number in _tree(net, cells, numbers).in_order()
+            for command in (net.commands[int(number)],)
+        ]
+        self.sites.append(Site(tuple(self.place[name] for name in self.keys), self._row))
+        self.rest += [Case(self._all(guards)) for guards in net.rest]
+        self.wrong += [Case(self._all(one.guards), self.text(one.text)) for one in net.wrong]
+
+    def _row(self, *values: int) -> Row:
+        words = {
+            name: self.net.variables[self.place[name]].values[value]
+            for name, value in zip(self.keys, values, strict=True)
+        }
+        return Row(
+            tuple(
+                move
+                for command, move in self.moves
+                if all(
+                    words[guard.variable] in guard.values
+                    for guard in command.guards
+                    if isinstance(guard, Is) and guard.variable in words
+                )
+            )
+        )
+
+    def _move(self, command: Command) -> FlatMove:
+        has = (Has.FAIR if command.fair else Has(0)) | (Has.FAULT if command.fault else Has(0))
+        asked = [one for one in command.guards if one[0] not in self.keys]
+        conditions = [*self._all(tuple(asked)), *self._room(command)]
+        only = [Step(Do.ONLY_IF, one.slot, one.function) for one in conditions]
+        return FlatMove(has, (*only, *map(self._step, command.effects)))
+
+    def _room(self, command: Command) -> Iterator[If]:
+        for name, most in rooms(self.net, command):
+            yield self._of_queue(name, ("room", most), partial(_has_room, most))
+
+    def _all(self, guards: tuple[Guard, ...]) -> tuple[If, ...]:
+        return tuple(map(self._condition, guards))
+
+    def _condition(self, guard: Guard) -> If:
+        match guard:
+            case Is(name, values):
+                numbers = self._numbers(name, values)
+                return self.condition(self.place[name], ("is", numbers), numbers.__contains__)
+            case Head(name, values):
+                heads = self._numbers(name, values)
+                return self._of_queue(
+                    name, ("head", heads), lambda words: bool(words) and words[0] in heads
+                )
+            case Empty(name):
+                return self._of_queue(name, "empty", lambda words: not words)
+
+    def _of_queue(self, queue: str, name: Hashable, holds: Callable[[Any], bool]) -> If:
+        values = self.contents.values
+        return self.condition(self.place[queue], name, lambda number: holds(values[number]))
+
+    def _numbers(self, name: str, values: frozenset[str]) -> frozenset[int]:
+        thing = self.known[name]
+        domain = thing.values if isinstance(thing, Variable) else thing.words
+        return frozenset(map(domain.index, values))
+
+    def _step(self, effect: Effect) -> Step:
+        place, contents = self.place[effect[0]], self.contents
+        match effect:
+            case Set(name, value):
+                (number,) = self._numbers(name, frozenset({value}))
+                return Step(Do.SET, place, number)
+            case Copy(_, source):
+                return Step(Do.COPY, place, self.place[source])
+            case Take():
+                taken = self.function("take", lambda words: contents(contents.values[words][1:]))
+                return Step(Do.MAP, place, taken)
+            case Send(name, word):
+                (added,) = self._numbers(name, frozenset({word}))
+                sent = self.function(
+                    ("send", added), lambda words: contents((*contents.values[words], added))
+                )
+                return Step(Do.MAP, place, sent)
+
+
+def _has_room(most: int, words: tuple[int, ...]) -> bool:
+    return len(words) <= most
 
 
 # --- A net as Promela, so that spin can give a second opinion (spinroot.com; SPIN 6.5 was tried)

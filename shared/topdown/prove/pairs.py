@@ -93,9 +93,8 @@ def explore_use(
     """One use. Raises NoSuchEntry."""
     entry, protocol = design.protocol(use), spoken(design, use)
     model = NetModel(net_of(design, use, faults))
-    found = explore(model, seconds=seconds, most_states=most_states, first=False, keep=True)
+    found = explore(model, seconds=seconds, most_states=most_states, first=False, places=(0, 1))
     unreached = _unreached(model, protocol, Players(entry.initiator, entry.participant), found)
-    found = found._replace(reached=())
     return PairResult(use, entry.channel, delivery(entry), faults, found, unreached)
 
 
@@ -152,9 +151,8 @@ def _unreached(
     return tuple(
         f"{players.named(role)} {value}"
         for place, role in enumerate(Role if found.holds else ())
-        for seen in [{state[place] for state in found.reached}]
         for number, value in enumerate(model.net.variables[place].values)
-        if number not in seen and value in _of_rows(protocol, role)
+        if number not in found.met[place] and value in _of_rows(protocol, role)
     )
 
 

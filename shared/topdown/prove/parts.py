@@ -4,7 +4,7 @@ events lead to.
 Everything that depends on an agent's local state alone is worked out once and kept.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from fipa_codec.exploration import reached
@@ -14,6 +14,7 @@ from fipa_codec.tables import RECEIVE, SEND, Role, Table, Way
 from topdown.model import elements
 from topdown.model.design import Design
 from topdown.model.machines import NONE, Cause, Event, Machine, ProtocolAct, References, Row
+from topdown.prove.flat import Numbered
 from topdown.prove.local import GONE, Agent, Effect, Local, Outcome
 
 # --- Rules of a design that must never be broken: an agent says something while others are in a
@@ -32,17 +33,22 @@ class While(NamedTuple):
     what: str
     words: frozenset[str]
 
-    def holds(self, model: "Parts", state: tuple[int, ...]) -> bool:
+    def holds(self, model: "Parts", state: Sequence[int]) -> bool:
         """Whether it holds in a state of the composed model."""
-        if self.what == IN:
-            return model.local(self.agent, state[self.agent]).state in self.words
         if self.what == OWES:
             return any(model.net(state[model.net_of[use]]).stale for use in self.words)
-        return (model.talk(self.agent, state[self.agent], self.what) or NONE) in self.words
+        return self.of(model.agents[self.agent], model.local(self.agent, state[self.agent]))
+
+    def of(self, agent: Agent, local: Local) -> bool:
+        """Whether it holds in a local state of its agent, where it is not of news."""
+        found = local.state if self.what == IN else agent.talk(local, self.what) or NONE
+        return found in self.words
 
 
 class Never(NamedTuple):
-    """elements.Never, read."""
+    """elements.Never, read: `says` must not be said where all `whiles` hold, after the event and
+    before the row says anything.
+    """
 
     name: str
     text: str
@@ -50,8 +56,8 @@ class Never(NamedTuple):
     says: frozenset[ProtocolAct]
     whiles: tuple[While, ...]
 
-    def broken(self, model: "Parts", state: tuple[int, ...]) -> bool:
-        """Whether saying it in this state breaks the rule."""
+    def broken(self, model: "Parts", state: Sequence[int]) -> bool:
+        """Whether saying it breaks the rule; `state`: after the event."""
         return all(condition.holds(model, state) for condition in self.whiles)
 
 
@@ -262,32 +268,18 @@ class Net(NamedTuple):
 
 SAY, OPEN, CLOSE, ORPHAN, OWE, ANSWER, ADD = range(7)
 OWN, RESTART = "own", "restart"
-
-
-class Numbered:
-    """Values and their numbers, in the order they were met."""
-
-    def __init__(self, *first: Any) -> None:
-        self.values: list[Any] = []
-        self.numbers: dict[Any, int] = {}
-        for value in first:
-            self(value)
-
-    def __call__(self, value: Any) -> int:
-        number = self.numbers.get(value)
-        if number is None:
-            number = self.numbers[value] = len(self.values)
-            self.values.append(value)
-        return number
+Effects = tuple[tuple[int, int, ProtocolAct | None], ...]
 
 
 class Ready(NamedTuple):
-    """An outcome with numbers in place of words: `there` is the local state, `effects` are (slot,
-    kind, word).
+    """An outcome with numbers in place of words: `there` is the local state, `happened` (by the
+    event) and `effects` (by the row) are (slot, kind, word). `rules`: what of them the local state
+    after the event leaves open.
     """
 
     there: int
-    effects: tuple[tuple[int, int, ProtocolAct | None], ...]
+    happened: Effects
+    effects: Effects
     label: str
     fair: bool
     fault: bool
@@ -299,16 +291,21 @@ class Ready(NamedTuple):
 
 class Parts:
     """`place` of each agent in a state, then the slots of queues (`queue_of`) and nets (`net_of`),
-    last the faults.
+    last the faults. `limited`: uses with an included system, where a wait is over sooner or later.
     """
 
-    def __init__(self, design: Design, machines: dict[str, Machine]) -> None:
-        self.names = list(machines)
+    def __init__(
+        self,
+        design: Design,
+        machines: dict[str, Machine],
+        limited: frozenset[str] = frozenset(),
+    ) -> None:
+        self.names, self.limited = list(machines), limited
         self.place = {name: number for number, name in enumerate(self.names)}
         self.rules = nevers(design, self.place, machines)
         forbidden = frozenset(said for rule in self.rules for said in rule.says)
         self.silent = silent_words(machines.values(), forbidden)
-        self.agents = [Agent(machine, self.silent) for machine in machines.values()]
+        self.agents = [Agent(machine, self.silent, limited) for machine in machines.values()]
         self.locals = [Numbered(agent.start) for agent in self.agents]
         self.queues, self.nets = Numbered(()), Numbered(Net())
         count = len(self.agents)
@@ -403,7 +400,11 @@ class Parts:
         agent = self.agents[number]
         if what == OWN:
             unasked = agent.spontaneous(local)
-            return tuple(self._ready(number, outcome, event.cause) for outcome, event in unasked)
+            return tuple(
+                self._ready(number, outcome, Cause.OWN if ends else event.cause)
+                for outcome, event in unasked
+                for ends in (event.cause is Cause.LATE and event.name in self.limited,)
+            )
         if what in (RESTART, GONE):
             dead = agent.restarted(local) if what == RESTART else (agent.gone(),)
             return tuple(self._ready(number, outcome, Cause.RESTART) for outcome in dead)
@@ -414,20 +415,32 @@ class Parts:
 
     def _ready(self, number: int, outcome: Outcome, cause: Cause) -> Ready:
         agent = self.agents[number]
-        said = {effect.said for effect in outcome.effects}
         late = cause is Cause.LATE
-        rules = (rule for rule in self.rules if rule.agent == agent.machine.agent)
         return Ready(
             there=self.locals[number](outcome.there),
+            happened=tuple(self._effect(agent, effect) for effect in outcome.happened),
             effects=tuple(self._effect(agent, effect) for effect in outcome.effects),
             label=outcome.label,
             fair=cause not in (Cause.PERSON, Cause.RESTART, Cause.LATE),
             fault=late or cause is Cause.RESTART,
             late=late,
             again=outcome.again,
-            rules=tuple(rule for rule in rules if rule.says & said),
+            rules=tuple(self._rules(agent, outcome)),
             row=outcome.row,
         )
+
+    def _rules(self, agent: Agent, outcome: Outcome) -> Iterator[Never]:
+        """The rules that an outcome may break, with the conditions that its agent does not meet by
+        itself.
+        """
+        said = {effect.said for effect in outcome.effects}
+        for rule in self.rules:
+            if rule.agent == agent.machine.agent and rule.says & said:
+                own = self.place[rule.agent]
+                known = [one for one in rule.whiles if one.agent == own and one.what != OWES]
+                if all(one.of(agent, outcome.heard) for one in known):
+                    rest = tuple(one for one in rule.whiles if one not in known)
+                    yield rule._replace(whiles=rest)
 
     def _effect(self, agent: Agent, effect: Effect) -> tuple[int, int, ProtocolAct | None]:
         use = agent.machine.uses[effect.use]

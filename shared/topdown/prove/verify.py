@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from topdown.model.design import Design
 from topdown.model.machines import machines
+from topdown.prove.causes import causes
 from topdown.prove.engine import Exploration, Finding, Move, explore
 from topdown.prove.fleet import ANY, Faults, Fleet, composed
 from topdown.prove.pairs import changed_channels, explore_use
@@ -176,6 +177,7 @@ class Verdict(NamedTuple):
     open: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     beyond: tuple[str, ...] = ()
+    cpu_s: float = 0.0
 
     @property
     def holds(self) -> bool:
@@ -222,9 +224,14 @@ def tasks(
         wishes["all agents"] = Faults(ANY if faults is None else faults)
         for name in gone:
             dead = Faults(0, gone=name, waiting=waiting(design, name))
-            wishes[f"{name} dies for good"] = dead
+            wishes[died(name)] = dead
         for what, wish in wishes.items():
             yield Task(3, what, partial(_fleet, design, what, wish, seconds))
+
+
+def died(name: str) -> str:
+    """`Verdict.what` where an agent may die for good."""
+    return f"{name} dies for good"
 
 
 def _verdict(
@@ -239,7 +246,8 @@ def _verdict(
     """What an exploration says; `loud`: what else is open where nothing was found."""
     unproven = (found.unproven,) if found.unproven and not found.findings else ()
     counts = found.states, found.edges, found.seconds
-    return Verdict(layer, what, faults, *counts, found.findings, (*unproven, *loud), notes, beyond)
+    unsure, cpu_s = (*unproven, *loud), found.cpu_s
+    return Verdict(layer, what, faults, *counts, found.findings, unsure, notes, beyond, cpu_s)
 
 
 def _micro(what: str, explored: Callable[[], Exploration]) -> Task:
@@ -269,6 +277,8 @@ def _fleet(
         return Verdict(3, what, most, 0, 0, 0.0, (), (missing,))
     fleet = Fleet(design, faults)
     found = explore(fleet, seconds=seconds, progress=progress)
+    told = tuple(one._replace(causes=causes(fleet, one)) for one in found.findings)
+    found = found._replace(findings=told)
     loud = fleet.not_silent() if not found.findings else ()
     whole = not (faults.gone or faults.boot or found.findings)
     notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())

@@ -56,6 +56,10 @@ def scene(request):
     def bowl(of):
         return wm.SeenObject("bowl_1", "bowl_high", of.things["bowl_1"].pose, 3.0)
 
+    def top(of):
+        at = placed(of.things["cabinet_2"].pose, (0.0, 0.0, 0.35 - MODELS["bowl_high"].base.z))
+        return Pose(at)
+
     def lid(of):
         x, y, z = of.things["bowl_1"].pose.xyz
         above = MODELS["jar_lid"].base.z - MODELS["bowl_high"].base.z
@@ -76,6 +80,9 @@ def scene(request):
             held(Side.RIGHT, "bowl_1", get("bowl_out")),
             bowl(get("bowl_placed")),
             wm.SeenHand(Side.RIGHT),
+        ),
+        "bowl on the cabinet": lambda: told(
+            get("beginning"), wm.SeenObject("bowl_1", "bowl_high", top(get("beginning")), 3.0)
         ),
         "bowl put down unseen": lambda: told(get("bowl_out"), wm.SeenHand(Side.RIGHT), BOWL_PUT),
         "jar put down unseen": lambda: told(
@@ -110,6 +117,23 @@ PLANS = [
     # pour: a destination stands in the open and was seen there before anything is tilted over it
     ("bowl_out", POUR, ["place bowl_1", "home right", "look at bowl_1", ...], REPLAN),
     ("bowl in the open", POUR, ["take jar_1", "pour jar_1 bowl_1"], SUCCEEDED),
+    # whether content is in a bowl that is too high to look into, nobody could tell
+    (
+        "bowl on the cabinet",
+        POUR,
+        [
+            "take jar_1",
+            "carry jar_1",
+            "take bowl_1",
+            ...,
+            "place bowl_1",
+            "home right",
+            "look at bowl_1",
+            "localize bowl_1",
+            "replan",
+        ],
+        REPLAN,
+    ),
     ("bowl not seen since", POUR, ["look at bowl_1", "localize bowl_1", "replan"], REPLAN),
     # take: what the wanted hand holds already needs nothing, what the other one holds is put down
     # first

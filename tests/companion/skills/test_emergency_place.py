@@ -27,7 +27,7 @@ RETREAT = [
 
 @pytest.fixture
 def far_out():
-    """The afternoon of docs/scheduling.md with seed 10, when "put down the bowl" was cancelled."""
+    """The afternoon (docs/results/scheduling.md), seed 10: "put down the bowl" was cancelled."""
     here = beginning(Robot(), THINGS, {})
     here.q = np.array(Q)
     here.place("table_1", standing(np.array([0.78, -0.843, 0.0])))
@@ -43,5 +43,5 @@ def test_what_is_held_far_out_is_put_down_there(far_out):
     found = emergency_place.free_spot(far_out, LEFT, RETREAT)
     place, path = found
     now = emergency_place.held_pose(far_out, LEFT).translation
-    assert np.linalg.norm((place.translation - now)[:2]) < 0.3
+    assert np.linalg.norm((place.translation - now)[:2]) < 0.4
     assert all(far_out.world.free(q) for q in path)

@@ -6,10 +6,11 @@ import numpy as np
 
 from companion.skills import motions
 from companion.skills.loop_messages import KNOT_S, HeadGoal
-from companion.skills.motions import AHEAD, LOOK_SPEED, ROOM_M, turning
+from companion.skills.motions import AHEAD, ROOM_M, turning
 from companion.skills.situation import beginning
 from velma import names
 from velma.kinematics.robot import Robot
+from velma.kinematics.tasks import LOOK_SPEED
 
 MANY = 16
 ASIDE = HeadGoal(1.2, 0.5, LOOK_SPEED)

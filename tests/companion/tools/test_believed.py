@@ -15,11 +15,12 @@ from companion.languages.facts import Kind, fact
 from companion.languages.values import Pose, Side
 from companion.tasks.pour.done import Pour
 from companion.tasks.pour.verdict import share
+from companion.telemetry import TrueState
 from companion.tools.report import believed, page, report
 from companion.tools.report.believed import Beliefs
 from companion.tools.report.plans import Share
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import truth
+from companion.tools.telemetry import every
 from fipa_codec.communicate import encode
 from operate.recording.run import Run
 
@@ -74,10 +75,10 @@ def test_belief_is_near_the_truth(past):
 
 def test_a_thing_that_was_moved_unseen_is_shown_apart(past):
     """The truth has the bowl 0.1 m away: the row says so, in red."""
-    at, last = truth(past)[-1]
+    at, last = every(past, TrueState)[-1]
     x, y, z = last.at["bowl_1"]
     moved = replace(last, at={**last.at, "bowl_1": (x + 0.1, y, z)}, poses={})
-    changed = with_truth(past, (*truth(past)[:-1], (at, moved)))
+    changed = with_truth(past, (*every(past, TrueState)[:-1], (at, moved)))
     assert found(changed, "bowl_1").apart_mm == pytest.approx(100.0, abs=NEAR_MM)
     text = page.rendered(changed, report.build(changed), "run")
     assert text.count('<td class="n wrong">') == 1

@@ -1,18 +1,23 @@
 """The picture's kinematics is the robot's."""
 
+import json
+
 import msgspec
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
 from companion.telemetry import Found, Picture, RobotState, decoded
 from companion.tools.pictures import robot
+from console.__main__ import app
 from velma.kinematics.frames import transform
 from velma.kinematics.robot import Robot
+from velma.model import tree, urdf
 from velma.names import BODY, DISTAL, GRIP_BODY, HEAD, LOWER, PROXIMAL, SIDES, SPREAD, UPPER
 
-LINKS = robot.links()
+LINKS = tree.links()
 VELMA = Robot()
 
 
@@ -73,3 +78,17 @@ def test_anything_else_is_an_error():
     ):
         with pytest.raises(msgspec.MsgspecError):
             decoded(data)
+
+
+# --- `roco urdf`
+
+
+def test_the_model_is_written_where_it_is_wanted(tmp_path):
+    """As it is made, with what is in it; a folder that is not there is named."""
+    done = CliRunner().invoke(app, ["urdf", str(tmp_path / "velma.urdf"), "--format", "json"])
+    told = {"file": str(tmp_path / "velma.urdf"), "links": len(LINKS), "joints": 33}
+    assert (done.exit_code, json.loads(done.stdout)) == (0, told)
+    assert (tmp_path / "velma.urdf").read_text() == urdf.written()
+    done = CliRunner().invoke(app, ["urdf", str(tmp_path / "nowhere" / "velma.urdf")])
+    assert done.exit_code == 2
+    assert "nowhere" in done.stderr

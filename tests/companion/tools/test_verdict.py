@@ -18,7 +18,7 @@ from companion.tasks.take.command import Take
 from companion.telemetry import TrueState
 from companion.tools.report import events, page, plans, report, verdict
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import truth
+from companion.tools.telemetry import every
 from fipa_codec.performatives import Performative as P
 from operate.file_names import FLEET_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
@@ -77,7 +77,9 @@ TRUTHS = [
 def test_success_by_the_truth(pouring, change, reason):
     """Success is no reason against it; a failure names what was wrong."""
     past = _past(pouring)
-    past = synthetic.with_truth(past, tuple((at, change(one)) for at, one in truth(past)))
+    past = synthetic.with_truth(
+        past, tuple((at, change(one)) for at, one in every(past, TrueState))
+    )
     found = verdict.failure(past)
     assert found is None if reason is None else found is not None and reason in found
 
@@ -95,7 +97,7 @@ def test_a_truth_from_before_the_end_of_the_task_is_none(pouring, before_s):
     command = plans.task_command(past)
     end = command and plans.task_end(past, command)
     assert end
-    past = synthetic.with_truth(past, ((end.received - before_s, truth(past)[-1][1]),))
+    past = synthetic.with_truth(past, ((end.received - before_s, every(past, TrueState)[-1][1]),))
     assert verdict.failure(past) == (None if before_s < 1.0 else f"{NO_TRUTH}, only at other times")
     assert (poured(past, command).fraction is None) == (before_s > 1.0)
 
@@ -122,7 +124,7 @@ def test_a_pour_is_judged_at_its_own_end():
     run = synthetic.pour(queries=5)
     put_down(run)
     past = _past(run)
-    assert not truth(past)[-1][1].fingers_on["jar_1"]["left"]
+    assert not every(past, TrueState)[-1][1].fingers_on["jar_1"]["left"]
     told = report.build(past)
     assert (told.success, told.failure) == (True, None)
     assert told.poured_fraction == pytest.approx(29 / 30)
@@ -153,7 +155,7 @@ def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next
     end = command and plans.task_end(past, command)
     assert end
     moved = next(act.start for act in plans.acts(past) if act.start > end.received)
-    heard = tuple(one for one in truth(past) if one[0] > end.received)
+    heard = tuple(one for one in every(past, TrueState) if one[0] > end.received)
     assert verdict.failure(synthetic.with_truth(past, heard)) is None
     late = tuple(one for one in heard if one[0] > moved)
     found = verdict.failure(synthetic.with_truth(past, late))
@@ -163,7 +165,7 @@ def test_a_recorder_that_was_away_at_the_end_tells_what_it_heard_before_the_next
 def test_tables_are_where_km_was_told_when_the_truth_does_not_say(pouring):
     """A truth without poses is judged by observed tables."""
     past = _past(pouring)
-    at, last = truth(past)[-1]
+    at, last = every(past, TrueState)[-1]
     bare = replace(last, poses={}, models={})
     assert verdict.failure(synthetic.with_truth(past, ((at, bare),))) is None
 

@@ -10,10 +10,8 @@ import pytest
 from typer.testing import CliRunner
 
 from companion.languages import hfsm, rc
-from companion.tools.why import _ends, _wish
+from companion.tools.why import _ends
 from console.__main__ import app
-from services.human_interface.grammar import understand
-from services.human_interface.interpretation import Act, Context, in_words, outcome
 
 pytestmark = pytest.mark.usefixtures("answered_here")
 POUR = Path(__file__).parents[2] / "histories" / "pour_seed_7"
@@ -57,14 +55,6 @@ def test_a_plain_sentence_comes_first():
     assert done.stdout.startswith(f"{sentence}\n\n")
     assert asked("why", "jar", "--at", "30")["sentence"] == "My left hand holds the jar."
     assert asked("why", "bowl", "--at", "12")["sentence"] == "I see where the bowl is now."
-
-
-@pytest.mark.parametrize("word", ["take the jar", "pour the jar into the bowl", "clear the table"])
-def test_a_wish_is_told_as_hi_tells_it(word):
-    """A sentence from which the same command is understood."""
-    found = outcome(understand(word), Context())
-    assert isinstance(found, Act)
-    assert _wish(found.tasks[0]) == in_words(found.tasks[:1])
 
 
 def test_no_amount_is_told_with_more_digits_than_people_read():

@@ -21,6 +21,7 @@ from services.executor import behaviours
 from services.executor.behaviours import SKILL_WITHIN_S
 from services.executor.device_messages import (
     Brake,
+    ByRays,
     Crashed,
     Do,
     Drop,
@@ -235,6 +236,52 @@ def test_a_cancel_after_a_skill_braked_by_itself_is_told_to_it() -> None:
     assert one.tells == [Brake(1, "m1")]
     one.step(Local(Moved(1, ended("done"))))
     assert one.tells == [Feel(1, ended("cancelled"))]
+
+
+def test_a_cancel_while_the_skill_computes_is_told_in_place_of_its_next_motion() -> None:
+    """With the place in which the motion before has ended. What the skill wants then makes its work
+    safe, and is begun.
+    """
+    one = acting()
+    there = msgspec.structs.replace(ended("done"), time=9.0)
+    one.step(Local(Moved(1, there)))
+    cancel(one, "t1")
+    assert one.tells == []
+    one.step(Local(Move(1, MOTION, 3.0, KEPT)))
+    told = msgspec.structs.replace(there, ended="cancelled", why=(fact(Kind.CANCELLED),))
+    assert one.tells == [Feel(1, told)]
+    one.step(Local(Move(1, MOTION, 3.0, KEPT)))
+    assert one.tells == [Do(1, MOTION)]
+
+
+def test_a_skill_process_that_ends_in_an_act_ends_the_act() -> None:
+    """Interrupted where the robot rests between two motions; where it moves it is brought to rest,
+    and the outcome is unknown.
+    """
+    crash, why = Local(Crashed("OSError: no room")), (fact(Kind.ENDED, "skill_process"),)
+    for moves in (False, True):
+        one = acting()
+        if not moves:
+            one.step(Local(Moved(1, ended("done"))))
+        one.step(crash)
+        assert one.tells == ([Drop(1), Halt(1)] if moves else [Drop(1)])
+        if moves:
+            one.step(Local(Stands(1, FELT)))
+        ((act, _, outcome),) = said(one)
+        kind = "unknown" if moves else "interrupted"
+        assert (act, outcome.kind, outcome.why) == (P.FAILURE, kind, why)
+
+
+def test_that_it_sees_by_rays_is_logged_and_changes_nothing() -> None:
+    """In every state."""
+    for state in (idle, *STATES):
+        one = state()
+        memory, place = one.state.memory, one.state.state
+        one.step(Local(ByRays("no display")))
+        found = one.state.memory, one.state.state, one.tells, one.sends()
+        assert found == (memory, place, [], []), state
+        (line,) = [line for effects in one.out for line in effects.logs]
+        assert line.fields["reason"] == "no display"
 
 
 def test_a_skill_that_ends_without_a_motion_is_the_outcome() -> None:

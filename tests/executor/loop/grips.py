@@ -10,7 +10,7 @@ from companion.skills.loop_messages import Close, motion
 from services.executor.loop.core import LoopCore
 from velma.control.dynamics import Dynamics
 from velma.model import scene
-from velma.model.build import ROBOT_XML
+from velma.model.tree import ROBOT_XML
 from velma.sim.mujoco_backend import MujocoBackend
 from velma.sim.truth import TruthReader
 

@@ -169,3 +169,23 @@ def test_behind_a_contact_there_is_nothing_to_brake_or_pause():
     one.pause(False)
     one.cancel()
     assert judged(one) == (Phase.CANCELLED, WHY)
+
+
+def test_only_a_pull_lets_a_hand_be_beside_its_set_point():
+    """A motion that ends at its last knot has to be there."""
+    for pulled in (False, True):
+        one = arrived(act(until="pull"))
+        for now_s in (0.0, 1.0):
+            verdict = one.judge(now_s, NOTHING, hands_done=True, head_done=True, pulled=pulled)
+        assert verdict == (Phase.DONE, ())
+        assert one.given_way is pulled
+
+
+def test_what_is_late_has_three_seconds_since_it_was_missed_first():
+    """Then the body stays where it is, and the reason is the newest."""
+    one = arrived(act())
+    for now_s in (10.0, 11.0, 12.998):
+        assert one.wait(now_s, ()) is None
+        assert one.track is not None
+    assert one.wait(13.0, WHY) == (Phase.BLOCKED, WHY)
+    assert one.track is None

@@ -16,7 +16,6 @@ from services.executor.loop.core import LoopCore
 from velma.control import safety
 from velma.model import scene
 from velma.names import BODY, SIDES
-from velma.sim.mock_backend import MockBackend
 from velma.sim.mujoco_backend import MujocoBackend
 
 SUNK_M = 0.003  # allowed; 0.13 without the checks
@@ -137,18 +136,6 @@ def test_readings_that_are_none_let_no_hand_sink(carrying, name):
     core.hold(1.1)
     assert core.run(motion("on", raised(core.setpoint, 1, 0.02))).phase is Phase.DONE
     assert all(math.isfinite(core.report.hand(side).grip.mass) for side in SIDES)
-
-
-def test_a_weight_is_held_in_damping_too():
-    """For as long as it lasts."""
-    core = LoopCore(MockBackend(), dynamics=DYNAMICS)
-    core.payloads.mass[:] = core.payloads._goal[:] = 1.0
-    core.abandon(())
-    core.cycle()
-    assert core.mode is Mode.DAMPING
-    weight = core.dynamics.terms(core.state.q).jacobian[[2, 8]].sum(axis=0) * 9.81
-    np.testing.assert_allclose(core.command.tau, weight, atol=0.5)
-    assert np.abs(weight).max() > 1.5
 
 
 # rad/s: half as much again as the joints' own limits (KUKA LWR; torso of robot.yaml)

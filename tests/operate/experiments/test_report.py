@@ -10,11 +10,12 @@ from planted import runs, said, written
 from pyarrow import csv, parquet
 
 from companion.sentences import happened
+from companion.telemetry import RobotState
 from companion.tools.report import measures
 from companion.tools.report.measures import MEASURES, PourFigures
 from companion.tools.report.report import PAPER
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import robot
+from companion.tools.telemetry import every
 from operate.experiments import page, results, summary, tables
 from operate.experiments.results import NothingHere
 from operate.experiments.run_figures import RESULTS_FILE, Result
@@ -164,11 +165,13 @@ def test_a_recording_is_exported_as_tables(tmp_path: Path) -> None:
     made = tables.of_history(past, SYSTEM)
     assert {name: table.num_rows for name, table in made.items()} == {
         "communicates": len(past.said), "states": len(report.busy(past)), "events": 19,
-        "telemetry": len(robot(past)),
+        "telemetry": len(every(past, RobotState)),
     }  # fmt: skip
     assert sum(made["communicates"]["size"].to_pylist()) == sum(one.size for one in past.said)
-    assert made["telemetry"]["work_J"].to_pylist()[-1] == robot(past)[-1][1].work_J
-    assert made["telemetry"]["torso_0_joint"].to_pylist()[0] == robot(past)[0][1].body[0]
+    assert made["telemetry"]["work_J"].to_pylist()[-1] == every(past, RobotState)[-1][1].work_J
+    assert (
+        made["telemetry"]["torso_0_joint"].to_pylist()[0] == every(past, RobotState)[0][1].body[0]
+    )
     for to in tables.FORMATS:
         files = tables.write(made, tmp_path, to)
         assert [file.name for file in files] == [f"{name}.{to}" for name in made]

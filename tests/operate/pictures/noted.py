@@ -12,8 +12,9 @@ from companion.tools.system import SYSTEM
 from operate.judging.judged import Judging
 from operate.pictures.file import end_s
 from operate.pictures.sheet import Sheet
-from operate.pictures.stage import Drawer, Happening, Reader, Stage, of_history
+from operate.pictures.stage import Drawer, Stage
 from operate.recording import history
+from operate.recording.happenings import Happening, Reader, of_history
 from operate.recording.records import Record
 from operate.recording.run import Run
 

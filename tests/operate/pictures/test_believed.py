@@ -11,7 +11,7 @@ from synthetic import with_truth
 
 from companion.languages import wm
 from companion.languages.values import Pose, Side
-from companion.telemetry import RobotState
+from companion.telemetry import RobotState, TrueState
 from companion.tools.pictures.scene import (
     APART,
     BELIEVED,
@@ -22,9 +22,9 @@ from companion.tools.pictures.scene import (
     label_text,
 )
 from companion.tools.report.believed import MOST_APART_MM, Belief
-from companion.tools.telemetry import truth
+from companion.tools.telemetry import every
 from operate.pictures.sheet import HIDDEN, Sheet, labels
-from operate.pictures.stage import Happening
+from operate.recording.happenings import Happening
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from velma.names import BODY
@@ -50,7 +50,7 @@ def moved(true_past: History) -> tuple[float, Noted]:
     """The recorded pour, in the last quarter of which the bowl is elsewhere in truth; since when
     [unix s].
     """
-    told = truth(true_past)
+    told = every(true_past, TrueState)
     since = told[3 * len(told) // 4][0]
     states = []
     for at, state in told:
@@ -115,11 +115,11 @@ def test_a_ghost_stands_where_the_moved_thing_was_seen(
 
 def test_what_slipped_from_a_hand_has_its_ghost_there(true_past: History) -> None:
     """In truth the jar stays where it was seen at first; km believes that the hand carries it."""
-    first = truth(true_past)[0][1].poses["jar_1"]
+    first = every(true_past, TrueState)[0][1].poses["jar_1"]
     stays = lambda one: msgspec.structs.replace(one, poses={**one.poses, "jar_1": first})  # noqa: E731
-    states = tuple((at, stays(one)) for at, one in truth(true_past))
+    states = tuple((at, stays(one)) for at, one in every(true_past, TrueState))
     sheet = afterwards(with_truth(true_past, states), Both)
-    carried = [one.poses["jar_1"].xyz for _, one in truth(true_past)]
+    carried = [one.poses["jar_1"].xyz for _, one in every(true_past, TrueState)]
     ghosts = [value[0] for _, value in sheet.of(f"{BELIEVED}/jar_1") if value != HIDDEN]
     assert len(ghosts) > 10
     assert all(min(math.dist(ghost, true) for true in carried) < 0.01 for ghost in ghosts)

@@ -12,12 +12,13 @@ from noted import Noted, afterwards
 from companion.telemetry import Found, Picture, RobotState
 from companion.tools.pictures.drawers import CAMERA, MARKERS
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import pictures, robot
+from companion.tools.telemetry import every
 from operate.file_names import TRAFFIC_FILE
 from operate.pictures.file import write
 from operate.pictures.sheet import images, outlines
-from operate.pictures.stage import Reader, Stage
+from operate.pictures.stage import Stage
 from operate.recording import history, mcap_file
+from operate.recording.happenings import Reader
 from operate.recording.records import House, Record
 from operate.recording.run import Run
 
@@ -85,8 +86,8 @@ def test_the_picture_is_a_part_of_the_robot(seen: list[Record]) -> None:
 def test_states_beside_them_stay_what_they_are(seen: list[Record]) -> None:
     """A picture is not a state of the robot."""
     past = history.of_records(seen, SYSTEM)
-    assert [at for at, _ in robot(past)] == [100.0]
-    assert [at for at, _ in pictures(past)] == [101.0, 102.0]
+    assert [at for at, _ in every(past, RobotState)] == [100.0]
+    assert [at for at, _ in every(past, Picture)] == [101.0, 102.0]
 
 
 def test_rerun_gets_each_picture_as_it_is() -> None:
@@ -104,7 +105,7 @@ def test_pictures_go_through_a_recording(seen: list[Record], tmp_path: Path) -> 
         file.add(record)
     file.finish()
     past = Run(tmp_path, SYSTEM).history
-    assert [one for _, one in pictures(past)] == PICTURES
+    assert [one for _, one in every(past, Picture)] == PICTURES
     assert write(tmp_path / "run.rrd", past, SYSTEM)[CAMERA] == 2
 
 

@@ -25,8 +25,8 @@ from operate.file_names import TRAFFIC_FILE, VERDICTS_FILE, VIEW_FILE
 from operate.pictures import feed as feeding
 from operate.pictures.__main__ import Past
 from operate.pictures.feed import OVERHEAD, Feed, Queue
-from operate.pictures.stage import Reader
 from operate.pictures.viewer_address import Place, ViewSettingError, wanted
+from operate.recording.happenings import Reader
 from operate.recording.recorder import Recorder
 from operate.recording.records import Spoken, understood
 from operate.verdict_lines import Judged

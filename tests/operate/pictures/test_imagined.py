@@ -9,19 +9,20 @@ from noted import Noted
 from companion.design import HFSM, LANGUAGES
 from companion.languages import hfsm, rc, sw
 from companion.languages.values import Side
-from companion.telemetry import RobotState
+from companion.telemetry import RobotState, TrueState
 from companion.tools.pictures import robot
 from companion.tools.pictures.acts import ROBOT, THINGS, End, Imagined
 from companion.tools.pictures.scene import Scene
 from companion.tools.pictures.velma import entity
-from companion.tools.telemetry import truth
+from companion.tools.telemetry import every
 from fipa_codec.communicate import encode
 from operate.pictures.sheet import HIDDEN, UNSEEN, transforms
-from operate.pictures.stage import Happening
+from operate.recording.happenings import Happening
 from operate.recording.history import History
+from velma.model import tree
 from velma.names import ARM, BODY, COLUMNS, START
 
-LINKS = {link.joint: link for link in robot.links() if link.joint}
+LINKS = {link.joint: link for link in tree.links() if link.joint}
 
 
 def plans(past: History) -> list[tuple[float, hfsm.HierarchicalPlan]]:
@@ -106,7 +107,7 @@ def test_things_are_imagined_where_they_are_put_and_carried(true_past: History) 
     """
     (_, first), (at, _) = plans(true_past)
     end = End(first, {})
-    then = next(one for when, one in truth(true_past) if when >= true_past.begin + at)
+    then = next(one for when, one in every(true_past, TrueState) if when >= true_past.begin + at)
     assert set(end.places) == {"bowl_1", "jar_1"}
     for name, pose in end.places.items():
         assert math.dist(pose.xyz, then.poses[name].xyz) < 0.03

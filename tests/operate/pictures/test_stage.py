@@ -12,6 +12,7 @@ from noted import Noted, live
 from companion.design import DESIGN
 from companion.languages import hfsm, rc, sw
 from companion.sentences import at
+from companion.telemetry import RobotState
 from companion.tools import telemetry
 from companion.tools.pictures import robot
 from companion.tools.pictures.acts import DONE, WAY
@@ -32,16 +33,16 @@ from operate.pictures.stage import (
     REST,
     ROW_HIGH,
     ROWS,
-    Happening,
     Stage,
-    of_history,
     positions,
     ring,
 )
 from operate.recording import history
+from operate.recording.happenings import Happening, of_history
 from operate.recording.history import History
 from operate.recording.records import FAULT, OPERATOR, House, Record
 from operate.verdict_lines import Judged
+from velma.model import tree
 from velma.names import BODY, GRIP_BODY, START
 
 
@@ -154,8 +155,8 @@ def test_a_planned_path_ends_where_the_plan_says(
 
 def test_the_way_taken_ends_at_the_hand(true_past: history.History, true_sheet: Noted) -> None:
     """Within the trail's step, at the last telemetry."""
-    q = robot.joints(telemetry.robot(true_past)[-1][1])
-    frames = robot.world_frames(robot.links(), q)
+    q = robot.joints(telemetry.every(true_past, RobotState)[-1][1])
+    frames = robot.world_frames(tree.links(), q)
     for side, name in GRIP_BODY.items():
         trail = true_sheet.of(f"{DONE}/{side}")[-1][1][0]
         assert np.linalg.norm(trail[-1] - frames[name].xyz) < 0.02
@@ -165,8 +166,8 @@ def test_every_joint_is_drawn_as_it_was_measured_last(
     true_past: history.History, true_sheet: Noted
 ) -> None:
     """Each moving link's turn is that of its joint."""
-    q = robot.joints(telemetry.robot(true_past)[-1][1])
-    for link in robot.links():
+    q = robot.joints(telemetry.every(true_past, RobotState)[-1][1])
+    for link in tree.links():
         if link.joint:
             (_, (at, turn)) = true_sheet.of("/".join((VELMA, *link.path)))[-1]
             assert at == link.at
@@ -178,7 +179,7 @@ def test_before_any_telemetry_the_arms_hang_down() -> None:
     sheet = Noted(100.0)
     Stage(sheet, SYSTEM)
     for name, q in zip(BODY, START, strict=True):
-        link = next(link for link in robot.links() if link.joint == name)
+        link = next(link for link in tree.links() if link.joint == name)
         assert sheet.of("/".join((VELMA, *link.path))) == [(0.0, (link.at, robot.turned(link, q)))]
 
 

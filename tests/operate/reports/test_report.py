@@ -1,6 +1,7 @@
 """The report says what was recorded: counts are direct counts, what is missing is named."""
 
 import base64
+import copy
 import os
 from collections import Counter
 from pathlib import Path
@@ -9,18 +10,21 @@ import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from synthetic import Run
+from synthetic import Run, with_signals
 
 from agent_runtime.io.tap import Sample
 from companion.design import DESIGN
+from companion.languages.cmd import Sentence
+from companion.tasks.look_around.command import LookAround
 from companion.telemetry import Picture
 from companion.tools.report import page, plans, report
 from companion.tools.system import SYSTEM
 from fipa_codec.communicate import encode
+from fipa_codec.performatives import Performative as P
 from operate.file_names import TRAFFIC_FILE
 from operate.recording import history, mcap_file
 from operate.recording.recorder import Recorder
-from operate.recording.records import Garbage, Origin, Record, Spoken, understood
+from operate.recording.records import Garbage, House, Origin, Record, Spoken, understood
 from operate.recording.run import Run as RecordedRun
 from operate.reports.make import everything
 
@@ -183,6 +187,23 @@ def test_the_report_is_made_of_a_run_folder_without_a_fleet(pouring: Run, tmp_pa
     assert (tmp_path / "run.rrd").stat().st_size > 100_000
 
 
+def test_a_guest_that_spoke_is_in_the_report(pouring: Run, tmp_path: Path) -> None:
+    """Its words are counted beside those of agents, and judged; every file is made."""
+    run = copy.deepcopy(pouring)
+    talk = {"talk": "assistant-1", "protocol": "query"}
+    run.say("assistant", "hi", P.QUERY_REF, Sentence("look around"), **talk)
+    run.say("hi", "assistant", P.INFORM_REF, LookAround(), **talk)
+    record(run.samples, tmp_path)
+    said: list[str] = []
+    assert everything(RecordedRun(tmp_path, SYSTEM), lambda event, **_: said.append(event)), said
+    told = msgspec.json.decode((tmp_path / "report.json").read_bytes())
+    matrix = told["communicates"]["matrix"]
+    assert (matrix["assistant"]["hi"], matrix["hi"]["assistant"]) == (1, 1)
+    assert told["communicates"]["per_channel"]["G1"]["count"] == 2
+    against = told["judged"]["violations"]  # what is made here for agents is not all in sequence
+    assert "assistant" not in {name for one in against for name in (one["sender"], one["receiver"])}
+
+
 def test_what_is_newer_than_the_recording_is_not_drawn_again(pouring: Run, tmp_path: Path) -> None:
     """Unless it is wanted again, or the recording has changed since."""
     record(pouring.samples[:50], tmp_path)
@@ -216,9 +237,11 @@ def test_the_page_shows_the_robot_and_says_what_each_colour_means(pouring: Run) 
     bars = {bar.colour for bar in page.bars(past)}
     assert bars <= {colour for _, colour in page.LEGEND}
     assert len({name for name, _ in page.LEGEND}) == len({colour for _, colour in page.LEGEND})
-    rooms = enumerate((b"first", b"last", b""))
-    told = tuple((past.begin + k, Picture(1.0, b"camera", room)) for k, room in rooms)
-    seen = msgspec.structs.replace(past, told=(*past.told, *told))
+    shown = (
+        msgspec.msgpack.encode(Picture(1.0, b"camera", one)) for one in (b"first", b"last", b"")
+    )
+    told = (House("telemetry", "ex", "", past.begin + k, one) for k, one in enumerate(shown))
+    seen = with_signals(past, *past.signals.houses, *told)
     text = page.rendered(seen, report.build(seen), "run")
     assert f'src="data:image/jpeg;base64,{base64.b64encode(b"last").decode()}"' in text
     assert "<img" not in page.rendered(past, report.build(past), "run")

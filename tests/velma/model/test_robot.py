@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 from velma import names
-from velma.model import build
+from velma.model import build, tree
 from velma.model.build import Kind
 
 
@@ -19,8 +19,8 @@ def numbers():
 @pytest.fixture(scope="module")
 def both():
     """The same file in MuJoCo and in Pinocchio."""
-    model = mujoco.MjModel.from_xml_path(str(build.ROBOT_XML))
-    return model, mujoco.MjData(model), pin.buildModelFromMJCF(str(build.ROBOT_XML))
+    model = mujoco.MjModel.from_xml_path(str(tree.ROBOT_XML))
+    return model, mujoco.MjData(model), pin.buildModelFromMJCF(str(tree.ROBOT_XML))
 
 
 def random_states(model, count=50):
@@ -32,7 +32,7 @@ def random_states(model, count=50):
 
 def test_committed_file_is_what_the_script_writes():
     """robot.xml is never edited by hand, and never forgotten."""
-    assert build.ROBOT_XML.read_text() == build.written()
+    assert tree.ROBOT_XML.read_text() == build.written()
 
 
 def test_both_libraries_have_the_same_joints_masses_and_frames(both):
@@ -115,7 +115,7 @@ def test_looks_have_neither_mass_nor_contact(both):
 
 def test_grains_never_meet_the_robot():
     """A grain on the robot would cost a contact island of its own."""
-    model = mujoco.MjModel.from_xml_path(str(build.ROBOT_XML))
+    model = mujoco.MjModel.from_xml_path(str(tree.ROBOT_XML))
     assert not (model.geom_contype & Kind.GRAIN).any()
     assert not (model.geom_conaffinity & Kind.GRAIN).any()
 

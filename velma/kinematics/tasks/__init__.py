@@ -14,3 +14,4 @@ EMPTY_SPEED, LOADED_SPEED = 0.35, 0.25
 APPROACH_SPEED, LIFT_SPEED, DOWN_SPEED, RETREAT_SPEED = 0.2, 0.1, 0.04, 0.15
 PULL_SPEED = 0.12  # of the handle of a leaf; estimate: one of 1.7 kg then pulls with less than 2 N
 TILT_SPEED, BACK_SPEED = 0.25, 0.35  # of the pouring hand, and back again
+LOOK_SPEED = 1.0  # of the head [rad/s]; it may turn at 1.04

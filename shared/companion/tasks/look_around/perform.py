@@ -12,11 +12,12 @@ import numpy as np
 from companion.languages import rc
 from companion.skills import motions
 from companion.skills.moving import joining
-from companion.skills.senses import REST_S, require_sight
+from companion.skills.senses import require_sight
 from companion.skills.situation import Situation
 from companion.skills.skill import NotPossible, Sensed, Skill, SkillRow
 from velma import names
 from velma.kinematics.tasks import LOADED_SPEED
+from velma.kinematics.tasks.looking import REST_S
 
 THERE_M = 0.1  # a thing this near to the point is what the look is for (estimate)
 # [rad] of the torso from where it was; estimate: an arm passes 0.3 m before the camera

@@ -14,7 +14,7 @@ def look_around(known: Known, state: str) -> Subtasks | None:
 
 def points_around(geometry: Geometry, state: str) -> Step:
     """The step that looks at points all around the front. It needs no fact."""
-    return look_at(hfsm.Step("look-around"), POINTS)
+    return look_at(geometry, state, hfsm.Step("look-around"), POINTS)
 
 
 PLAN = Plan(

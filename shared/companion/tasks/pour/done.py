@@ -57,6 +57,7 @@ class PourKind(AnyKind):
     BEFORE_THE_TILT = "before-the-tilt", "because"
     NO_TILT = "no-tilt", "a b"
     NO_POUR = "no-pour", "side a b"
+    TOO_HIGH = "too-high", "a"  # to look into it
     INTO_ITSELF = "into-itself", "a"
 
 

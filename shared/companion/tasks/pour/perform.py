@@ -25,7 +25,7 @@ from companion.skills import motions, moving
 from companion.skills.loop_messages import Cancel, GripReport, LookAgain, Motion, Phase
 from companion.skills.motions import AHEAD
 from companion.skills.moving import joining, straight
-from companion.skills.senses import REST_S, missed, require
+from companion.skills.senses import missed, require
 from companion.skills.situation import FALLEN, SURE_MARKERS, Sight, Situation, Unfinished
 from companion.skills.skill import (
     Asked,
@@ -47,6 +47,7 @@ from velma.control.grip import Grip
 from velma.kinematics import ik
 from velma.kinematics.frames import shifted, tilt
 from velma.kinematics.tasks import BACK_SPEED, LOADED_SPEED, TILT_SPEED
+from velma.kinematics.tasks.looking import REST_S
 from velma.kinematics.tasks.pouring import Stream, follow, stream
 
 LOOK_EVERY_S = 0.25

@@ -96,7 +96,7 @@ def pour_taking_both(
     """
     if holder := known.facts.holder(state, destination):
         return known.unfit(fact(Kind.HOLDS, holder, destination))
-    if not known.facts.inside(state, destination):
+    if not known.facts.inside(state, destination) and known.facts.looked_into(state, destination):
         return known.unfit(fact(Kind.STANDS_FREE, destination))
     if (holder := known.facts.holder(state, source)) not in (None, first):
         return known.unfit(fact(Kind.HOLDS, holder, source))
@@ -140,11 +140,15 @@ def _pour_with(
 
 
 def _stands_free(known: Known, state: str, name: str) -> bool:
-    """Whether the thing was seen where it stands, and is not inside another one."""
+    """Whether the thing was seen where it stands, is not inside another one, and can be looked
+    into: nobody could tell whether content arrived in it.
+    """
     if holder := known.facts.holder(state, name):
         known.unfit(fact(Kind.HOLDS, holder, name))
     elif known.facts.inside(state, name):
         known.unfit(fact(Kind.INSIDE_ANOTHER, name))
+    elif not known.facts.looked_into(state, name):
+        known.unfit(fact(PourKind.TOO_HIGH, name))
     elif not known.facts.exact(state, name):
         known.unfit(fact(Kind.PUT_DOWN_UNSEEN, name))
     else:

@@ -97,14 +97,18 @@ def true(one: Evidence, truth: TrueState) -> bool | None:
 def share(history: History) -> Share:
     """How much was poured by belief and by truth."""
     true = poured(history, plans.task_command(history)).fraction
+    contents = [one.content for one in history.said]
+    weighed = [
+        (one.key, one.weighed, one.seen)
+        for one in contents
+        if isinstance(one, Done) and one.weighed
+    ]
     done = [
-        (one.content.weighed, act.command, one.content.seen)
+        (weights, act.command, seen)
         for act in plans.acts(history)
         if act.done and isinstance(act.command, Pour)
-        for one in history.said
-        if isinstance(one.content, Done)
-        and one.content.key == act.command.key
-        and one.content.weighed
+        for key, weights, seen in weighed
+        if key == act.command.key
     ]
     if not done:
         return Share(None, None, None, true)

@@ -91,7 +91,7 @@ def _beside(here: Situation, command: rc.Release, met: _Met) -> Skill:
     try:
         height = float(met.place.translation[2])
         found = emergency_place.free_spot(
-            here, side, _retreat(command), largest=CARRY_TILT, height=height
+            here, side, _retreat(command), tilts=(CARRY_TILT,), height=height
         )
         if found is None:
             raise met

@@ -32,8 +32,9 @@ from operate.pictures.sheet import (
     strips,
     transforms,
 )
-from operate.pictures.stage import Happening
+from operate.recording.happenings import Happening
 from operate.recording.records import Spoken
+from velma.model import tree
 from velma.names import ARM, BODY, COLUMNS, GRIP_BODY, START
 
 Array = NDArray[np.float64]
@@ -55,8 +56,8 @@ class Acts:
 
     def __init__(self, sheet: Sheet, scene: Scene) -> None:
         self._sheet, self._scene = sheet, scene
-        self._links = robot.links()
-        self._chains = {side: robot.chain(self._links, name) for side, name in GRIP_BODY.items()}
+        self._links = tree.links()
+        self._chains = {side: tree.chain(self._links, name) for side, name in GRIP_BODY.items()}
         self._q: dict[str, float] = {}
         self._followed = 0.0
         self._trails: dict[str, deque[Array]] = {
@@ -126,7 +127,7 @@ class Acts:
 
 IMAGINED = "world/imagined"
 ROBOT, THINGS = f"{IMAGINED}/velma", f"{IMAGINED}/things"
-PALE: robot.Four = (PLANNED[0] / 255, PLANNED[1] / 255, PLANNED[2] / 255, 0.3)
+PALE: tree.Four = (PLANNED[0] / 255, PLANNED[1] / 255, PLANNED[2] / 255, 0.3)
 Place = tuple[tuple[float, ...], tuple[float, ...]]
 """Translation [m] and quaternion, w first."""
 STILL_RAD = 0.02
@@ -155,7 +156,7 @@ class End:
                     held.pop(side, None)
                     if place is not None:
                         self.places[name] = place
-        frames = robot.world_frames(robot.links(), self.q)
+        frames = robot.world_frames(tree.links(), self.q)
         for side, (name, grip) in held.items():
             self.places[name] = compose(frames[GRIP_BODY[side]], inverse(grip))
 
@@ -165,7 +166,7 @@ class Imagined:
 
     def __init__(self, sheet: Sheet, scene: Scene) -> None:
         self._sheet, self._scene = sheet, scene
-        self._links = [link for link in robot.links() if not link.name.startswith("head")]
+        self._links = [link for link in tree.links() if not link.name.startswith("head")]
         self._q: dict[str, float] = {}
         self._looks: set[str] = set()
         self._shown: dict[str, Place] = {}

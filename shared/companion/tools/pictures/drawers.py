@@ -5,7 +5,6 @@ The head camera is a part of the robot, so the 3D view has its field of view, wi
 the markers found in it across it. Older recordings have none.
 """
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -16,15 +15,17 @@ from companion.languages import hfsm, rc, sw
 from companion.sentences import Reader, does, plain, spaced
 from companion.sentences import step as worded
 from companion.telemetry import Lateness, Picture, RobotState, TrueState
-from companion.tools.pictures import robot
 from companion.tools.pictures.acts import Acts, Imagined
 from companion.tools.pictures.scene import Believed, Contacts, Scene
 from companion.tools.pictures.velma import Velma, entity
+from companion.tools.telemetry import PICTURE_FOCAL, PICTURE_SIZE
 from fipa_codec.performatives import Performative
 from operate.pictures import blueprint as views
 from operate.pictures.sheet import GREY, Sheet, documents, images, outlines, scalars
-from operate.pictures.stage import REST, Drawer, Happening, Lane
+from operate.pictures.stage import REST, Drawer, Lane
+from operate.recording.happenings import Happening
 from operate.recording.records import Spoken
+from velma.model import tree
 from velma.names import ARM, BODY, CAMERA_BODY, TORSO
 
 PLAN_TEXT = "plan"
@@ -88,13 +89,8 @@ class Plan:
         return f"✓ {name}" if here in self._behind else name
 
 
-CAMERA = f"{entity(next(link for link in robot.links() if link.name == CAMERA_BODY))}/camera"
+CAMERA = f"{entity(next(link for link in tree.links() if link.name == CAMERA_BODY))}/camera"
 MARKERS = f"{CAMERA}/markers"
-SIZE = (400, 300)
-"""Pixels of a picture for people: half of velma.eyes.lens.WIDTH and HEIGHT
-(services.executor.telemetry.SHRINK).
-"""
-FOCAL = SIZE[0] / 2 / math.tan(1.047 / 2)  # velma.eyes.lens.HALF_WIDTH
 BEFORE_M = 0.22
 """Distance of the picture from the camera in the 3D view; estimate: readable, and before the head,
 not the hands.
@@ -120,7 +116,10 @@ class Camera:
             self._sheet.static(CAMERA, rr.EncodedImage.from_fields(magnification_filter=linear))
             # A negative radius is in points of the screen.
             lens = rr.Pinhole(
-                resolution=SIZE, focal_length=FOCAL, image_plane_distance=BEFORE_M, color=GREY
+                resolution=PICTURE_SIZE,
+                focal_length=PICTURE_FOCAL,
+                image_plane_distance=BEFORE_M,
+                color=GREY,
             )
             self._sheet.static(CAMERA, lens)
             look = rr.LineStrips2D.from_fields(colors=[MARKED], radii=[-1.0], show_labels=False)

@@ -15,13 +15,13 @@ import numpy as np
 import rerun as rr
 
 from companion.languages import wm
-from companion.languages.values import Box, Cylinder, Pose, Shape, Sphere, Vector
+from companion.languages.values import Pose, Vector
 from companion.models import KNOWN_AS, MODELS
 from companion.telemetry import RobotState, TrueState
-from companion.tools.pictures import robot
+from companion.tools.pictures import robot, things
 from companion.tools.pictures.velma import drawn
 from companion.tools.report.believed import MOST_APART_MM, Belief, Beliefs
-from companion.world.geometry import compose, half_sizes
+from companion.world.geometry import compose
 from operate.pictures.sheet import (
     GHOST,
     HIDDEN,
@@ -34,21 +34,15 @@ from operate.pictures.sheet import (
     strips,
     transforms,
 )
-from operate.pictures.stage import Happening
+from operate.recording.happenings import Happening
 from operate.recording.records import Spoken
-from velma.model.surfaces import MATERIALS, VESSELS, Part, turned
+from velma.model import tree
+from velma.model.surfaces import Part
 from velma.names import GRIP_BODY
 
-# --- Shapes of things in Rerun: smooth vessels of velma/model/surfaces.py, else the shapes that km
-# knows them by
+# --- Looks of things in Rerun
 
 
-# Names of companion.models -> those of the drawn surfaces, where they differ.
-SURFACES = {"bowl_high": "bowl"}
-# How a model's shapes are drawn that has no surface of its own: a colour, and a thinner one for
-# what hides the story.
-COLOURS = {"table": MATERIALS["wood_light"][0], "cabinet": MATERIALS["wood_thin"][0]}
-OTHER = (0.62, 0.64, 0.66, 1.0)
 PARTS = {"box": "boards", "cylinder": "rounds", "ellipsoid": "balls"}
 Drawn = tuple[str, rr.AsComponents]
 
@@ -59,36 +53,18 @@ def looks(model: str, colour: tuple[float, ...] | None = None) -> list[Drawn]:
 
     `colour`: red, green, blue and opacity, 0 to 1, of all parts; None: its own.
     """
-    vessel = VESSELS.get(SURFACES.get(model, model))
-    if vessel is not None:
-        return [(vessel.mesh, _mesh(vessel, colour or MATERIALS[vessel.material][0]))]
-    if model not in MODELS:
-        return []
-    fitting = (rgba for kind, rgba in COLOURS.items() if model.startswith(kind))
-    colour = colour or next(fitting, OTHER)
-    shapes = [_look(shape, (*colour,)) for shape in MODELS[model].shapes]
-    kinds = {kind: [one for one in shapes if one.kind == kind] for kind in PARTS}
+    found = things.looks(model, colour)
+    if found.surface is not None:
+        return [(found.surface.mesh, _mesh(found.surface, found.rgba))]
+    kinds = {kind: [one for one in found.shapes if one.kind == kind] for kind in PARTS}
     return [(PARTS[kind], drawn(kind, some)) for kind, some in kinds.items() if some]
-
-
-def _look(shape: Shape, colour: tuple[float, ...]) -> robot.Shape:
-    """A shape of a model as one of the robot's, which are drawn."""
-    a, b, c = half_sizes(shape)
-    kind, size = {
-        Box: ("box", (a, b, c)),
-        Cylinder: ("cylinder", (a, 2 * c)),
-        Sphere: ("ellipsoid", (a, b, c)),
-    }[type(shape)]
-    return robot.Shape(kind, size, shape.at.xyz, shape.at.quat_wxyz, colour)
 
 
 def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
     """A surface of revolution, with a normal for each corner of each face: edges of the outline
     stay sharp enough.
     """
-    words = turned(part.outline)
-    points = np.array(words["vertex"].split(), dtype=np.float64).reshape(-1, 3)
-    faces = np.array(words["face"].split(), dtype=np.int64).reshape(-1, 3)
+    points, faces = things.triangles(part)
     corners = points[faces]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     smooth = np.zeros_like(points)
@@ -105,8 +81,6 @@ def _mesh(part: Part, colour: tuple[float, ...]) -> rr.Mesh3D:
 
 
 THINGS, GRAINS = "world/things", "world/grains"
-GRAIN_RADIUS = 0.008  # velma/model/objects.yaml
-GRAIN_COLOUR = (245, 184, 41)
 
 
 class Scene:
@@ -142,7 +116,10 @@ class Scene:
         if truth.grains_at != self._grains:
             if not self._grains:
                 self._sheet.static(
-                    GRAINS, rr.Points3D.from_fields(radii=[GRAIN_RADIUS], colors=[GRAIN_COLOUR])
+                    GRAINS,
+                    rr.Points3D.from_fields(
+                        radii=[things.GRAIN_RADIUS], colors=[things.GRAIN_RGBA]
+                    ),
                 )
             self._grains = truth.grains_at
             self._sheet.add(GRAINS, points, at, truth.grains_at, truth.time_s)
@@ -208,8 +185,8 @@ class Believed:
 
     def __init__(self, sheet: Sheet, scene: Scene) -> None:
         self._sheet, self._scene, self._beliefs = sheet, scene, Beliefs()
-        links = robot.links()
-        self._chains = {side: robot.chain(links, name) for side, name in GRIP_BODY.items()}
+        links = tree.links()
+        self._chains = {side: tree.chain(links, name) for side, name in GRIP_BODY.items()}
         self._states: deque[RobotState] = deque(maxlen=KEPT)
         self._q: dict[str, float] = {}
         self._true_s: float | None = None

@@ -12,7 +12,8 @@ from companion.telemetry import RobotState
 from companion.tools.pictures import robot
 from companion.world.geometry import place
 from operate.pictures.sheet import AXES, Sheet, transforms
-from operate.pictures.stage import Happening
+from operate.recording.happenings import Happening
+from velma.model import tree
 from velma.names import BODY, GRIP_BODY, START
 
 VELMA = "world/velma"
@@ -20,7 +21,7 @@ STILL_RAD = 1e-4
 """A joint that turned less is not drawn again; estimate: 0.1 mm at an arm's length."""
 AXIS_M = 0.06
 """Length of a drawn axis; estimate."""
-FLOOR = robot.Shape(
+FLOOR = tree.Shape(
     "box", (2.2, 2.2, 0.01), (0.5, 0.0, -0.01), (1.0, 0.0, 0.0, 0.0), (0.87, 0.886, 0.902)
 )
 
@@ -31,13 +32,13 @@ class Velma:
     def __init__(self, sheet: Sheet) -> None:
         self._sheet = sheet
         self._last: dict[str, float] = {}
-        self._moving = [link for link in robot.links() if link.joint]
+        self._moving = [link for link in tree.links() if link.joint]
         self._entities = {link.name: entity(link) for link in self._moving}
         sheet.static("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
         sheet.static("world/floor", drawn("box", [FLOOR]))
         # x red, y green, z blue
         axes = rr.Arrows3D(vectors=np.eye(3) * AXIS_M, colors=AXES, radii=0.0025)
-        for link in robot.links():
+        for link in tree.links():
             shaped(sheet, link)
             placed(sheet, link)
             if link.name in GRIP_BODY.values():
@@ -64,12 +65,12 @@ class Velma:
                 )
 
 
-def entity(link: robot.Link, root: str = VELMA) -> str:
+def entity(link: tree.Link, root: str = VELMA) -> str:
     """Return the path of a link in Rerun."""
     return "/".join((root, *link.path))
 
 
-def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
+def placed(sheet: Sheet, link: tree.Link, root: str = VELMA) -> None:
     """Draw how a link that does not move stands to its parent."""
     if not link.joint:
         turn = rr.Quaternion(xyzw=xyzw(link.quat_wxyz))
@@ -77,7 +78,7 @@ def placed(sheet: Sheet, link: robot.Link, root: str = VELMA) -> None:
 
 
 def shaped(
-    sheet: Sheet, link: robot.Link, root: str = VELMA, rgba: tuple[float, ...] | None = None
+    sheet: Sheet, link: tree.Link, root: str = VELMA, rgba: tuple[float, ...] | None = None
 ) -> None:
     """Draw the shapes of a link. `rgba`: of all of them, 0 to 1; None: each has its own."""
     for kind, some in groupby(sorted(link.shapes, key=lambda s: s.kind), key=lambda s: s.kind):
@@ -85,7 +86,7 @@ def shaped(
         sheet.static(f"{entity(link, root)}/{kind}", drawn(kind, shapes))
 
 
-def drawn(kind: str, shapes: list[robot.Shape]) -> rr.AsComponents:
+def drawn(kind: str, shapes: list[tree.Shape]) -> rr.AsComponents:
     """The shapes of one kind on a link, in one batch."""
     at, turn = [s.at for s in shapes], [xyzw(s.quat_wxyz) for s in shapes]
     look: dict[str, Any] = {

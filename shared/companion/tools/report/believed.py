@@ -26,6 +26,7 @@ from companion.world.scene import Scene
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.structs import alike
+from velma.model import tree
 from velma.names import BODY, GRIP_BODY
 
 MOST_APART_MM = 30.0
@@ -198,7 +199,7 @@ def _in_hand(body: BodyPosture | None, one: Belief) -> Vector | None:
     if body is None or one.side is None or one.in_grip is None:
         return None
     arms = (body.torso, *body.right_arm, *body.left_arm)
-    frames = robot.world_frames(robot.links(), dict(zip(BODY, arms, strict=True)))
+    frames = robot.world_frames(tree.links(), dict(zip(BODY, arms, strict=True)))
     return place(frames[GRIP_BODY[one.side]], one.in_grip.xyz)
 
 

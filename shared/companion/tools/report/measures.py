@@ -1,19 +1,17 @@
-"""Measures of pours, with the paper's figures beside (operate.experiments.measures), and the tables
-that only this robot has.
+"""Measures of pours, with the paper's figures beside (operate.experiments.measures).
+
+Figures of a pour that its report.json has beyond the traffic, and how plans were made. Pure.
 """
 
 from collections.abc import Callable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING
 
 import msgspec
 import numpy as np
-import pyarrow
 
 from companion.design import DESIGN
 from companion.sentences import happened
-from companion.tools.report.events import events
 from companion.tools.report.report import PAPER, TABLE_8
-from companion.tools.telemetry import Clock, robot
 from operate.experiments import intervals
 from operate.experiments.measures import (
     LARGEST,
@@ -29,61 +27,10 @@ from operate.experiments.measures import (
 )
 from operate.experiments.run_figures import Figures, SentMessage
 from operate.experiments.summary import row_of
-from operate.experiments.tables import table
 from operate.recording.history import History
-from velma.names import BODY
 
-TEXTS, COUNTS = ("mode", "act", "skill"), ("cycles", "missed", "skipped", "faults")
-QUANTILES = (
-    "lateness_p50_us", "lateness_p99_us", "lateness_max_us", "compute_p50_us", "compute_p99_us",
-)  # fmt: skip
-
-
-def of_history(history: History) -> dict[str, pyarrow.Table]:
-    """Return the tables by name."""
-    return {"events": event_table(history), "telemetry": telemetry(history)}
-
-
-def event_table(history: History) -> pyarrow.Table:
-    """The events of a run: t [s after the first communicate], sim_s, name with what it is of,
-    channels, text.
-    """
-    clock, found = Clock(history), events(history)
-    names = [(one.name, " ".join(one.channels), one.text) for one in found]
-    columns: dict[str, list[Any]] = {
-        "t": [one.at - history.begin for one in found],
-        "sim_s": [clock.sim(one.at) for one in found],
-        **{
-            column: [one[n] for one in names]
-            for n, column in enumerate(("name", "channels", "text"))
-        },
-    }
-    types = dict.fromkeys(columns, pyarrow.string())
-    return table(types | dict.fromkeys(("t", "sim_s"), pyarrow.float64()), columns)
-
-
-def telemetry(history: History) -> pyarrow.Table:
-    """Telemetry of the loop: times, joints [rad], work [J], mode, act, cycles and how late they
-    were [us].
-    """
-    states = robot(history)
-    columns: dict[str, list[Any]] = {
-        "t": [at - history.begin for at, _ in states],
-        "sim_s": [state.sim_time_s for _, state in states],
-    }
-    for name in ("work_J", *TEXTS, *COUNTS):
-        columns[name] = [getattr(state, name) for _, state in states]
-    for name in QUANTILES:  # lateness_p50_us: p50 of lateness_us
-        of, _, quantile = name.removesuffix("_us").partition("_")
-        columns[name] = [getattr(getattr(state, f"{of}_us"), quantile) for _, state in states]
-    for n, joint in enumerate(BODY):
-        columns[joint] = [state.body[n] if n < len(state.body) else None for _, state in states]
-    types = dict.fromkeys(columns, pyarrow.float64())
-    types |= dict.fromkeys(TEXTS, pyarrow.string()) | dict.fromkeys(COUNTS, pyarrow.int64())
-    return table(types, columns)
-
-
-# --- Figures of a pour that its report.json has beyond the traffic, and how plans were made. Pure -
+if TYPE_CHECKING:
+    import pyarrow
 
 
 class Plan(msgspec.Struct, frozen=True):
@@ -248,6 +195,13 @@ C4 = tuple(
 )
 
 
+def _tables(history: History) -> "dict[str, pyarrow.Table]":
+    # pyarrow: 0.4 s to import, and only an export makes tables
+    from companion.tools.report import tables
+
+    return tables.of_history(history)
+
+
 def _paper() -> Published:
     """The paper's figures by the names of ours."""
     figures = {
@@ -316,5 +270,5 @@ MEASURES = Measures(
             lambda runs: [planning(runs, number) for number in PLANS],
         ),
     ),
-    tables=of_history,
+    tables=_tables,
 )

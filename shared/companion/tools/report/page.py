@@ -18,7 +18,7 @@ from companion.acts import SHOWN
 from companion.design import DESIGN
 from companion.languages import cmd, hfsm, rc, sw
 from companion.sentences import Reader, happened, spaced, step
-from companion.tools import telemetry
+from companion.telemetry import Picture
 from companion.tools.report import plans
 from companion.tools.report.believed import MOST_APART_MM
 from companion.tools.report.plans import (
@@ -34,6 +34,7 @@ from companion.tools.report.plans import (
     task_end,
 )
 from companion.tools.report.report import PAPER, TABLE_8, Paper, Plan, Report
+from companion.tools.telemetry import backwards
 from operate.recording.history import History
 from operate.reports import figures
 from operate.reports.counts import bandwidth
@@ -276,8 +277,8 @@ def rendered(history: History, report: Report, run: str, paper: Paper = PAPER) -
 
 def _room(history: History) -> str:
     """Return the last picture of the robot in its room, a JPEG file in base64; "" without any."""
-    rooms = [picture.room for _, picture in telemetry.pictures(history) if picture.room]
-    return base64.b64encode(rooms[-1]).decode() if rooms else ""
+    rooms = (picture.room for _, picture in backwards(history, Picture) if picture.room)
+    return base64.b64encode(next(rooms, b"")).decode()
 
 
 Row = tuple[float | None, float | None, str, str, str, float | None]

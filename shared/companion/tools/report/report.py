@@ -13,11 +13,11 @@ from msgspec.structs import replace
 
 from companion.design import DESIGN
 from companion.sentences import happened
-from companion.telemetry import PageFaults
+from companion.telemetry import PageFaults, RobotState, TrueState
 from companion.tools.report import believed, events, plans, verdict
 from companion.tools.report.plans import Figures, Share, judges
 from companion.tools.system import SYSTEM
-from companion.tools.telemetry import Clock, paced, robot, truth
+from companion.tools.telemetry import Clock, newest, paced
 from operate.recording.history import History
 from operate.recording.records import Spoken
 from operate.reports import counts
@@ -254,10 +254,9 @@ def _wall_time(history: History) -> float | None:
 
 
 def _energy(history: History) -> float | None:
-    work = [state.work_J for _, state in robot(history)[-1:]] or [
-        truth.work_J for _, truth in truth(history)[-1:]
-    ]
-    return work[0] if work else None
+    measured, true = newest(history, RobotState), newest(history, TrueState)
+    last = measured or true
+    return None if last is None else last[1].work_J
 
 
 def _plans(history: History) -> tuple[Plan, ...]:
@@ -287,9 +286,10 @@ def _events(history: History, clock: Clock) -> tuple[Happened, ...]:
 
 
 def _loop(history: History) -> Loop | None:
-    if not robot(history):
+    found = newest(history, RobotState)
+    if found is None:
         return None
-    last, has_clock = robot(history)[-1][1], bool(paced(history))
+    last, has_clock = found[1], bool(paced(history))
     unpaced = {} if has_clock else {"missed": None, "skipped": None}
     return alike(
         Loop,
@@ -304,7 +304,7 @@ def _loop(history: History) -> Loop | None:
 def _missing(report: Report, history: History) -> tuple[str, ...]:
     """A sentence for each figure that is null."""
     no_telemetry = "the robot's telemetry was not recorded"
-    if robot(history):
+    if newest(history, RobotState) is not None:
         no_telemetry = "the task did not come so far"
     truth_there = verdict.truth_at_end(history, plans.task_command(history)) is not None
     unrecorded = "the truth was not recorded at the end of the task"

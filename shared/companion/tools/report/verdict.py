@@ -5,13 +5,11 @@ itself judges it (companion.tools.report.plans), and from what the agents said a
 is assumed. A missing record is a failure that says so, and so is one from before the end.
 """
 
-from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator
-from operator import itemgetter
 
 from companion.languages import cmd, rc, sw
-from companion.telemetry import TrueState
+from companion.telemetry import RobotState, TrueState
 from companion.tools.report.plans import (
     Judge,
     acts,
@@ -26,7 +24,7 @@ from companion.tools.report.plans import (
     task_command,
     task_end,
 )
-from companion.tools.telemetry import robot, truth
+from companion.tools.telemetry import every, newest, next_one
 from operate.recording.history import History
 from operate.recording.records import Spoken
 
@@ -47,27 +45,29 @@ def truth_at_end(history: History, command: Spoken | None) -> TrueState | None:
     Of a task that did not end, or without one, it is the newest of the recording. None where none
     was recorded then.
     """
-    recorded, end = truth(history), task_end(history, command) if command is not None else None
+    end = task_end(history, command) if command is not None else None
     if end is None:
-        return recorded[-1][1] if recorded else None
+        last = newest(history, TrueState)
+        return None if last is None else last[1]
+    before = newest(history, TrueState, end.received)
+    if before is not None and before[0] >= end.received - STALE_S:
+        return before[1]
     later = (act.start for act in acts(history) if act.start > end.received)
-    moved = min(later, default=float("inf"))
-    behind = bisect_right(recorded, end.received, key=itemgetter(0))
-    for at, one in recorded[max(0, behind - 1) : behind + 1]:
-        if end.received - STALE_S <= at <= end.received or end.received < at < moved:
-            return one
-    return None
+    behind = next_one(history, TrueState, end.received)
+    if behind is None or behind[0] >= min(later, default=float("inf")):
+        return None
+    return behind[1]
 
 
 def last_truth(history: History) -> TrueState | None:
     """Return the newest true state; None where none was recorded, or none after the end of the
     task.
     """
-    recorded, command = truth(history), task_command(history)
+    last, command = newest(history, TrueState), task_command(history)
     end = task_end(history, command) if command is not None else None
-    if not recorded or (end is not None and recorded[-1][0] < end.received - STALE_S):
+    if last is None or (end is not None and last[0] < end.received - STALE_S):
         return None
-    return recorded[-1][1]
+    return last[1]
 
 
 def failure(history: History) -> str | None:
@@ -144,7 +144,7 @@ def _of_end(history: History, command: Spoken) -> Iterator[str]:
 
 def _of_truth(history: History, command: Spoken, judge: Judge) -> Iterator[str]:
     if truth_at_end(history, command) is None:
-        when = ", only at other times" if truth(history) else ""
+        when = ", only at other times" if newest(history, TrueState) is not None else ""
         yield f"the true state of the simulation was not recorded at the end of the task{when}"
         return
     yield from judge.against(history, command)
@@ -165,12 +165,12 @@ def broken(history: History) -> Iterator[str]:
     )
     yield from (
         f"the control loop was in mode {mode!r}"
-        for mode in {one.mode for _, one in robot(history)} - {*MODES}
+        for mode in {one.mode for _, one in every(history, RobotState)} - {*MODES}
     )
-    for _, last in truth(history)[-1:]:
-        for name, tilt in last.tilt_deg.items():
-            if tilt >= MOST_TILT_DEG and not sum(last.fingers_on.get(name, {}).values()):
-                yield f"{name} has fallen: it is tilted by {tilt:.0f} degrees, and in no hand"
+    _, last = newest(history, TrueState) or (0.0, TrueState(0.0))
+    for name, tilt in last.tilt_deg.items():
+        if tilt >= MOST_TILT_DEG and not sum(last.fingers_on.get(name, {}).values()):
+            yield f"{name} has fallen: it is tilted by {tilt:.0f} degrees, and in no hand"
 
 
 def begun_twice(history: History) -> dict[str, int]:

@@ -27,7 +27,7 @@ from companion.asking import (
 )
 from companion.design import AgentName
 from companion.tools.system import SYSTEM
-from console.errors import NO, ConsoleError, NoRunError, UsageError
+from console.errors import NO, ConsoleError, MissingExtraError, NoRunError, UsageError, needing
 from console.fleet import targets
 from console.output import Format, RunDir, problems
 from console.traffic.listen import Recorded, recording_of
@@ -42,9 +42,7 @@ estimate, with room.
 
 
 class AskError(ConsoleError):
-    """A question was not answered: it took too long or too much memory, or what answers is not
-    installed.
-    """
+    """A question was not answered: it took too long or too much memory."""
 
 
 class Known(msgspec.Struct, frozen=True):
@@ -61,11 +59,9 @@ def known(place: "Path | Run", at: float | None = None) -> Known:
     """The knowledge of km from a run folder or a recording, now or `at` seconds after its first
     communicate.
     """
-    try:
+    with needing("monitor"):
         from operate.recording.records import Spoken, Token
         from operate.recording.run import opened
-    except ModuleNotFoundError as error:
-        raise _missing("monitor", error.name or "") from error
     run = opened(place, SYSTEM) if isinstance(place, Path) else place
     spoken = [one for one in run.talk_records if isinstance(one, Spoken)]
     if not spoken:
@@ -114,21 +110,15 @@ def answered(question: Question) -> Answer:
     return told
 
 
-def _ended(code: int, said: str) -> AskError:
+def _ended(code: int, said: str) -> ConsoleError:
     last = said.splitlines()[-1] if said else f"it ended with {code}"
     if "ModuleNotFoundError" in last:
-        return _missing("knowledge", last.rpartition("'")[0].rpartition("'")[2])
+        return MissingExtraError(last.rpartition("'")[0].rpartition("'")[2], "knowledge")
     if code == -signal.SIGABRT or "MemoryError" in last:
         return AskError(
             "the query needs too much memory; bind more of its variables, or sort and group less"
         )
     return AskError(f"the process that answers has died: {last}")
-
-
-def _missing(extra: str, module: str) -> AskError:
-    return AskError(
-        f"{module} is not installed; `pip install 'robot-companion[{extra}]'` installs it"
-    )
 
 
 def short(term: Term) -> str:
@@ -169,7 +159,9 @@ def ask(
     run: Recorded = None,
     at: Annotated[
         float | None,
-        typer.Option("--at", min=0.0, help="As km knew it then [s after the first communicate]."),
+        typer.Option(
+            "--at", min=0.0, help="As km knew it that many seconds after the first communicate."
+        ),
     ] = None,
     rows: Annotated[int, typer.Option("--rows", min=1, help="Rows shown at most.")] = 1000,
     seconds: Annotated[
@@ -183,11 +175,11 @@ def ask(
 ) -> None:
     """Ask what the robot knows, in SPARQL.
 
-    It is asked of the running fleet, or of a recording at any time.
+    It asks the running fleet, or a recording at any time.
 
-    Prefixes are filled in: roco (terms of the ontology), thing, content, model, grasp, agent, said,
-    state; rdf, rdfs, owl, xsd, dul, soma, cora, pos. Nothing can be changed. Exits with 1 where ASK
-    is answered with no.
+    These prefixes are known: roco (terms of the ontology), thing, content, model, grasp, agent,
+    said, state; rdf, rdfs, owl, xsd, dul, soma, cora, pos. The query cannot change anything. Exits
+    with 1 if the answer to ASK is no.
 
     Examples:
       roco ask 'SELECT ?thing ?where WHERE { ?thing roco:isIn ?where }'

@@ -156,17 +156,10 @@ def opengl() -> Iterator[Check]:
 
 
 def library() -> Iterator[Check]:
-    """Whether the hot loops of planner and control loop run compiled here."""
-    if compiled.library() is not None:
-        how = "collision checks, inverse kinematics and the torque law run in C"
-        yield Check("compiled", Level.FINE, how)
-    else:
-        remedy = (
-            "`python -m velma.compiled` builds it, with a C compiler (Debian: apt install gcc"
-            " libc6-dev)"
-        )
-        slow = "no library of velma.compiled: planning takes twice as long"
-        yield Check("compiled", Level.NOTE, slow, remedy)
+    """Whether the hot loops of planner and control loop run in C here."""
+    what = "collision checks, inverse kinematics and the torque law run in C"
+    slow = "planning takes twice as long"
+    yield from checkup.in_c("compiled", compiled.library(), "velma.compiled", what, slow)
 
 
 CHECKS = Checks(

@@ -197,10 +197,9 @@ def page(
     """Pair a browser with the person's page: print an address that does it once. It can be used for
     five minutes.
 
-    The browser stays paired as long as the run folder is there, over restarts of the page, too. A
-    fleet that is starting is waited for, at most 90 s. Of a fleet that was started for a tablet
-    (`ROCO_PAGE=192.168.1.20:8351 roco up`) the address in the network is printed, too, as a QR
-    code.
+    The browser stays paired as long as the run folder exists. A fleet that is starting is waited
+    for, at most 90 s. If the fleet was started for a tablet (`ROCO_PAGE=192.168.1.20:8351 roco
+    up`), the address in the network is printed, too, with a QR code.
 
     Examples:
       roco page

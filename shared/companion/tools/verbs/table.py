@@ -27,6 +27,7 @@ VERBS: Table = {
             "Pair a browser with the person's page: print an address that does it once.",
         ),
         "ask": (f"{ROOM}.ask:ask", "Ask what the robot knows, in SPARQL."),
+        "urdf": (f"{ROOM}.urdf:urdf", "Write the robot's model as URDF, for other tools."),
     },
     "Faults, on purpose": {
         "fault sensor": (f"{ROOM}.fault:sensor", "Let a sense of the simulated robot fail."),
@@ -35,7 +36,7 @@ VERBS: Table = {
             "Push, tip, remove, add, pull or knock a thing of the simulated world.",
         ),
     },
-    "Runs reported, repeated, compared": {
+    "Runs": {
         "experiment pour": (
             f"{ROOM}.pour_run:pour",
             (

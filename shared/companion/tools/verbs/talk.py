@@ -97,16 +97,16 @@ def say(
     """Say a sentence to the robot, such as "pour the jar into the bowl". Exits with 1 where it is
     refused.
 
-    It waits until the coordinator has taken the task or refused it, with --wait until it has ended;
-    progress goes to standard error. A question back is an answer, too (exit code 1): say `yes`, or
-    the name of the thing, within 30 s.
+    It returns when the coordinator has taken the task or refused it; with --wait, when the task has
+    ended. A question back exits with 1, too: answer within 30 s with `roco say yes`, `no` or the
+    name of the thing.
 
     A word such as stop, halt, freeze or careful stops the robot at once, as `roco stop` does. A
     fleet that is starting is waited for, at most 90 s.
 
-    What waits is done in the order it was said, unless --within says otherwise. With --first the
-    robot leaves the task under way: what it holds is put down, and the task is done again from
-    there afterwards. What begins later (--in, --at) keeps nothing waiting until then.
+    Tasks run in the order in which they were said, unless you use --within or --first. With --first
+    the robot leaves the task under way: it puts down what it holds, and continues that task
+    afterwards. A task that begins later (--in, --at) lets others go first.
 
     Examples:
       roco say "pour the content of the jar into the bowl"
@@ -287,10 +287,10 @@ def stop(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.
     """Stop the robot at once. It reaches the control loop directly and needs no agent, router or
     supervisor.
 
-    Where no fleet is named, the robots of all fleets that run in runs/ here are stopped; where none
-    runs here, those of all your fleets on this machine. It asks nothing. Your other fleets go on,
-    and are told of. Exits with 1 where no control loop runs on this machine: a robot elsewhere is
-    stopped there; with 3 where no fleet of yours runs.
+    Without --target and --run-dir it stops the robots of all fleets that run in runs/ here, or, if
+    none runs here, of all your fleets on this machine. It never asks, and names your other fleets,
+    which go on. It exits with 1 if no control loop runs on this machine (stop a robot of
+    another machine there), and with 3 if no fleet of yours runs.
 
     Examples:
       roco stop
@@ -400,10 +400,10 @@ def step(
 ) -> None:
     """Let the act that waits for you begin, and no other one. Exits with 1 where none waits.
 
-    By default nothing waits. With --autonomy confirm the running plan waits before each act, and
-    those after it, until --autonomy auto; looking around at a start, and putting down what a
-    cancelled plan holds, wait for nobody. A plan for which nobody comes within ten minutes fails,
-    and the robot stands still.
+    By default no act waits. With --autonomy confirm the running plan and later ones wait before
+    each act, until --autonomy auto. The first look around, and putting down what a cancelled plan
+    holds, wait for nobody. If nobody comes within ten minutes, the plan fails and the robot stands
+    still.
 
     Examples:
       roco step --autonomy confirm

@@ -1,0 +1,1 @@
+"""b1. Bids for velma1, and has it do what it won."""
