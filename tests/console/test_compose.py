@@ -18,6 +18,7 @@ from companion.tools.verbs.hi import address
 from console.errors import DockerError, UsageError
 from console.fleet import checkup, targets
 from console.fleet.checkup import Level
+from console.fleet.interfaces import opened
 from operate.file_names import FAULTS_FILE
 from operate.fleet_file import Fleet, ProcessState, ProcessStatus
 
@@ -240,3 +241,10 @@ def test_doctor_misses_compose(world: Path, monkeypatch: pytest.MonkeyPatch) -> 
     (world / "compose").touch()
     (check,) = checkup.containers()
     assert (check.level, check.what) == (Level.FINE, "engine 28.2.2, Compose 2.26.1")
+
+
+def test_doctor_says_what_guests_may_do_and_that_containers_are_not_served(world: Path) -> None:
+    """No file of an unnamed service is asked for; `roco mcp` serves fleets of this machine alone."""
+    told = dict(opened(targets.find("compose")))
+    assert all(name.startswith("open: ") for name in told)
+    assert told["open: MCP"].endswith("not served")

@@ -62,6 +62,7 @@ GONE = option(
 )
 SECONDS = option("CPU seconds for each verdict; what is open then is said.")
 SKIP_START = option("Leave out the start of all agents (layer 3).", "--skip-start")
+ALONE = option("Each agent by itself, whatever the others send (layer 3).", "--alone")
 LONG = option("Also what the model leaves out, and why that is safe.", "--long")
 
 
@@ -73,6 +74,7 @@ def verify(
     gone: Annotated[list[str] | None, GONE] = None,
     seconds: Annotated[float | None, SECONDS] = None,
     skip_start: Annotated[bool, SKIP_START] = False,
+    alone: Annotated[bool, ALONE] = False,
     long: Annotated[bool, LONG] = False,
     form: Form = Format.TEXT,
 ) -> None:
@@ -88,7 +90,9 @@ def verify(
         most, wanted = _most(faults), tuple(layer or LAYERS)
         design = load(place)
         dead = _gone(design, gone or [])
-        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=dead)
+        if alone and gone:
+            raise ValueError("--alone judges no death for good; leave out --alone or --gone")
+        asked = partial(tasks, faults=most, layers=wanted, step=step, gone=dead, alone=alone)
         try:
             work = tuple(asked(design, seconds=seconds, skip_start=skip_start))
         except IndexError as error:
@@ -217,7 +221,8 @@ def summary(verdicts: list[Verdict], width: int, *, long: bool) -> str:
             lines += ["", f"What the models of {title} uses leave out, and why that is safe:"]
             lines += [line for what, why in table for line in _item(f"{what}: {why}.", width)]
     lines += ["", "Not proven by any layer:"]
-    for text in (*(text for verdict in verdicts for text in verdict.beyond), *NOT_PROVEN):
+    beyond = dict.fromkeys(text for verdict in verdicts for text in verdict.beyond)
+    for text in (*beyond, *NOT_PROVEN):
         lines += _item(text, width)
     return "\n".join(lines)
 

@@ -59,7 +59,9 @@ class Way(NamedTuple):
         return f"{self.verb}.token"
 
     def served(self, fleet: Target) -> str:
-        """Where it is served now, for people; "" for nowhere."""
+        """Where it is served now, for people; "" for nowhere. A fleet in containers is not."""
+        if not isinstance(fleet, Local):
+            return ""
         try:
             address = msgspec.json.decode(fleet.read("", self.address_file), type=Address)
         except msgspec.DecodeError:

@@ -8,6 +8,7 @@ to SERVED, which tells where it is open; a system adds the interfaces for people
 from collections.abc import Callable, Iterator
 
 from console.fleet import assistants, live_ros, other_agents, platforms
+from console.fleet.local import Local
 from console.fleet.process_status import Target
 from topdown.model.design import Design
 from topdown.model.elements import Guest
@@ -16,8 +17,13 @@ ON_DEMAND = "served to programs of this user that start `roco mcp`"
 AT_ROUTER = "at the router, for programs that have its key"
 
 
+def on_demand(fleet: Target) -> str:
+    """Who may start `roco mcp`: it serves no containers."""
+    return ON_DEMAND if isinstance(fleet, Local) else ""
+
+
 SERVED: dict[str, Callable[[Target], str]] = {
-    assistants.WAY.protocol: lambda fleet: assistants.WAY.served(fleet) or ON_DEMAND,
+    assistants.WAY.protocol: lambda fleet: assistants.WAY.served(fleet) or on_demand(fleet),
     other_agents.WAY.protocol: other_agents.WAY.served,
     platforms.WAY.protocol: platforms.served,
 }

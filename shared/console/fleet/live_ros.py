@@ -55,6 +55,8 @@ VIEWED_FILES = {"Foxglove": "view-foxglove.json", "ROS 2": "view-ros.json"}
 
 def viewed(fleet: Target, by: str) -> str:
     """Where a viewer sees a fleet of this machine now, and what it may do; "" for nowhere."""
+    if not isinstance(fleet, Local):
+        return ""
     try:
         told = msgspec.json.decode(fleet.read("", VIEWED_FILES[by]), type=Viewed)
     except msgspec.DecodeError:

@@ -18,9 +18,12 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import closing
 from itertools import pairwise, zip_longest
 from types import MappingProxyType
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 from topdown.prove.flat import Explorer, Status, TooLarge, explorer
+
+if TYPE_CHECKING:
+    from topdown.prove.batches import Batches
 
 State = Any
 """Anything hashable; two states are the same if they are equal. Flat tuples of small integers are
@@ -30,6 +33,8 @@ fastest.
 LOOK_AT_CLOCK = 1024
 """States between two looks at the clock (estimate: 0.1 s at the slowest)."""
 TELL_EVERY_S = 0.5
+FEW = 20_000
+"""States up to which the loop in Python is faster than numpy (estimate)."""
 
 
 class Move(NamedTuple):
@@ -145,16 +150,27 @@ def explore(
     `Exploration.met`. A model that has tables (flat.Tabled) is explored in C, where that is built.
     """
     limits = _Limits(most_states or 1 << 31, float("inf") if seconds is None else seconds, first)
-    search = None if keep else explorer(model)
+    walk = _Walk(model, limits, progress)
+    search: Explorer | Batches | None = None if keep else explorer(model)
+    if search is None and not keep and not walk.run(FEW):
+        search = _batched(model, limits)
     if search is not None:
         try:
             with closing(search):
                 return _explored(_TabledWalk(model, limits, progress, search), places)
         except TooLarge:
             pass  # the other one has no such bounds
-    walk = _Walk(model, limits, progress)
     found = _explored(walk, places)
     return found._replace(reached=walk.numbers.keys()) if keep else found
+
+
+def _batched(model: Model, limits: "_Limits") -> "Explorer | Batches | None":
+    """The explorer with numpy, where that is installed."""
+    try:
+        from topdown.prove.batches import LARGEST, batched
+    except ImportError:
+        return None
+    return batched(model, limits.first, LOOK_AT_CLOCK if limits.most < 1 << 31 else LARGEST)
 
 
 def _explored(walk: "_Walk", places: Collection[int]) -> Exploration:
@@ -200,19 +216,25 @@ class _Walk:
         self.dead: set[int] = set()
         self.began = self.told = time.perf_counter()
         self.began_cpu = time.thread_time()
+        self.waiting: deque[State] = deque([model.start])
 
-    def run(self) -> None:
-        """Breadth first until nothing is left, or a limit is met."""
-        waiting: deque[State] = deque([self.model.start])
-        here = 0
+    def run(self, most: int | None = None) -> bool:
+        """Breadth first until nothing is left, or a limit is met; False: more than `most` states
+        are known, and the next call goes on.
+        """
+        waiting = self.waiting
         while waiting:
-            if here % LOOK_AT_CLOCK == 0 and self._limited(len(waiting)):
-                return
-            self._look(here, waiting.popleft(), waiting)
             if self._ended():
-                return
-            here += 1
-        self.complete = True
+                return True
+            here = self.looked_at
+            if here % LOOK_AT_CLOCK == 0:
+                if self._limited(len(waiting)):
+                    return True
+                if most is not None and self.known > most:
+                    return False
+            self._look(here, waiting.popleft(), waiting)
+        self.complete = not self._ended()
+        return True
 
     def _ended(self) -> bool:
         ended = self.limits.first and bool(self.findings)
@@ -352,19 +374,19 @@ class _Walk:
 
 
 class _TabledWalk(_Walk):
-    """The same by the explorer in C, which has the states."""
+    """The same by an explorer over tables, which has the states."""
 
     def __init__(
         self,
         model: Model,
         limits: _Limits,
         progress: Callable[[int, int], None] | None,
-        search: Explorer,
+        search: "Explorer | Batches",
     ) -> None:
         super().__init__(model, limits, progress)
         self.search = search
 
-    def run(self) -> None:
+    def run(self, most: int | None = None) -> bool:
         """Breadth first until nothing is left, or a limit is met."""
         now, texts = self.search.now, self.search.tables.texts.values
         while (status := self.search.run()) is not Status.DONE:
@@ -377,6 +399,7 @@ class _TabledWalk(_Walk):
                     break
         self.complete = status is Status.DONE
         self.edges = now.edges
+        return True
 
     @property
     def known(self) -> int:
@@ -394,7 +417,7 @@ class _TabledWalk(_Walk):
             self._find(UNREACHED, OUT_OF_REACH, here)
 
     def _parent(self, number: int) -> int:
-        return int(self.search.now.parent[number])
+        return self.search.parent(number)
 
     def _states(self, wanted: Collection[int]) -> dict[int, State]:
         return {number: self.search.state(number) for number in wanted}

@@ -1,9 +1,9 @@
-"""A model as tables of numbers, for the explorer in C, and the C explorer itself.
+"""A model as tables of numbers, for the explorers in C and with numpy, and the C explorer itself.
 
 A state is a row of small numbers, one for each slot. A `Site` reads some slots; what they hold
 leads to a `Row`: whether the state is wrong, and the moves that may happen. A move is a list of
 steps. What a number in a slot becomes, and whether something holds of it, is a function of that
-number alone. Rows and values of functions are worked out here when the C explorer meets them first.
+number alone. Rows and values of functions are worked out when an explorer meets them first.
 Must not know: what a model is about.
 """
 
@@ -174,6 +174,13 @@ class Tabled(Protocol):
         """These TAKEN steps were done."""
 
 
+def model_state(model: Tabled, tables: Tables, numbers: tuple[int, ...]) -> Any:
+    """The state of a model that a row of numbers stands for."""
+    if numbers[0] == NOTHING:
+        return model.wrong_state(tables.texts.values[numbers[1]])
+    return model.state_of(numbers)
+
+
 # --- The explorer in C ----------------------------------------------------------------------------
 
 
@@ -272,9 +279,11 @@ class Explorer:
         """A state of the model."""
         first = number * self.now.pitch
         numbers = tuple(self.now.state[first : first + self.now.width])
-        if numbers[0] == NOTHING:
-            return self.model.wrong_state(self.tables.texts.values[numbers[1]])
-        return self.model.state_of(numbers)
+        return model_state(self.model, self.tables, numbers)
+
+    def parent(self, number: int) -> int:
+        """The state from which a state was found."""
+        return int(self.now.parent[number])
 
     def met(self, slot: int) -> frozenset[int]:
         """All that was in a slot in any state."""
@@ -289,7 +298,7 @@ class Explorer:
         row = site.row(*values)
         code = array("i", (row.wrong, len(row.moves)))
         for move in row.moves:
-            _check(step[2] for step in move.steps if step[0] is Do.SET)
+            check_numbers(step[2] for step in move.steps if step[0] is Do.SET)
             code.extend((move.has, len(move.steps)))
             for step in move.steps:
                 code.extend(map(int, step))
@@ -302,7 +311,7 @@ class Explorer:
     def _give_number(self) -> None:
         value = self.now.key[0]
         result = self.tables.functions[self.now.function](value)
-        _check((result if result >= 0 else -result,))
+        check_numbers((result if result >= 0 else -result,))
         self._given(self._loop.explorer_number(self._made, self.now.function, value, result))
 
     @staticmethod
@@ -317,7 +326,8 @@ def explorer(model: object) -> Explorer | None:
     return None if loop is None or not isinstance(model, Tabled) else Explorer(loop, model)
 
 
-def _check(values: Iterable[int]) -> None:
+def check_numbers(values: Iterable[int]) -> None:
+    """Raise TooLarge if one does not fit into a slot."""
     if any(value >= NOTHING for value in values):
         raise TooLarge
 

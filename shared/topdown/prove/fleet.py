@@ -9,7 +9,7 @@ state is a flat tuple of small numbers, so that millions fit into memory.
 """
 
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from typing import Any, NamedTuple
 
 from msgspec.structs import replace
@@ -75,6 +75,34 @@ def composed(design: Design) -> Design:
     agents = (*design.file.agent, *made)
     file = replace(design.file, agent=agents, protocol=uses, table=tables, include=())
     return Design(file, design.path, design.text, design.folder)
+
+
+def among_groups(design: Design, kept: Collection[str]) -> Design:
+    """The design in which only `kept` keep their rows: each other agent is a group, which may say
+    whatever the tables of its uses allow. Rules on others, and uses between others, are left out.
+
+    Explored from the boot on, what is wrong with the agents kept in the whole design (but for long
+    queues) is wrong here too, with as many faults: a move of an agent that is a group here is one
+    of that group, or of nobody. The other direction does not hold; and whether rest can be reached
+    is another question, since nothing here makes a group say something.
+    """
+    left = tuple(agent for agent in design.file.agent if agent.name in kept)
+    others = (elements.Group(name) for name in design.agents if name not in kept)
+    uses = (use for use in design.file.protocol if {use.initiator, use.participant} & {*kept})
+    rules = (rule for rule in design.file.never if ruled(rule) <= {*kept})
+    file = replace(
+        design.file,
+        agent=left,
+        group=(*design.file.group, *others),
+        protocol=tuple(uses),
+        never=tuple(rules),
+    )
+    return Design(file, design.path, design.text, design.folder)
+
+
+def ruled(rule: elements.Never) -> frozenset[str]:
+    """The agents that a rule is about."""
+    return frozenset((rule.agent, *(text.partition(" ")[0] for text in rule.while_)))
 
 
 def _included_tables(design: Design) -> Iterator[elements.Table]:

@@ -14,8 +14,8 @@ from typing import NamedTuple
 from topdown.model.design import Design
 from topdown.model.machines import machines
 from topdown.prove.causes import causes
-from topdown.prove.engine import Exploration, Finding, Move, explore
-from topdown.prove.fleet import ANY, Faults, Fleet, composed
+from topdown.prove.engine import WRONG, Exploration, Finding, Move, explore
+from topdown.prove.fleet import ANY, Faults, Fleet, among_groups, composed, ruled
 from topdown.prove.pairs import changed_channels, explore_use
 from topdown.prove.stream import explore_stream
 
@@ -202,11 +202,13 @@ def tasks(
     gone: Collection[str] = (),
     seconds: float | None = None,
     skip_start: bool = False,
+    alone: bool = False,
 ) -> Iterator[Task]:
     """The proofs to run, in order. `step`: only channels which that step of the design created or
     changed (layer 2). `gone`: agents that may die for good, besides. `seconds` of CPU time limit
-    each. `skip_start`: the start of all agents is not explored by itself. Raises NoSuchEntry,
-    IndexError, ValueError.
+    each. `skip_start`: the start of all agents is not explored by itself. `alone`: in layer 3, not
+    all agents together, but each by itself, and those of each rule. Raises NoSuchEntry, IndexError,
+    ValueError.
     """
     channels = None if step is None else changed_channels(design, step)
     if 1 in layers and step is None:
@@ -219,7 +221,13 @@ def tasks(
             if use.follows in design.tables and (channels is None or use.channel in channels):
                 what = f"{use.channel} {use.name}"
                 yield Task(2, what, partial(_pair, design, what, use.name, faults, seconds))
-    if 3 in layers and step is None:
+    if 3 in layers and step is None and alone:
+        for kept in _kept(design):
+            what = f"{' and '.join(kept)} alone"
+            # from the boot on: where all rest first depends on all of them
+            wish = Faults(ANY if faults is None else faults, boot=True)
+            yield Task(3, what, partial(_alone, design, what, kept, wish, seconds))
+    elif 3 in layers and step is None:
         wishes = {} if skip_start else {"all agents, starting": Faults(0, boot=True)}
         wishes["all agents"] = Faults(ANY if faults is None else faults)
         for name in gone:
@@ -283,6 +291,38 @@ def _fleet(
     whole = not (faults.gone or faults.boot or found.findings)
     notes, beyond = (fleet.unused(), fleet.endless()) if whole else ((), ())
     return _verdict(3, what, most, found, *loud, notes=notes, beyond=beyond)
+
+
+def _kept(design: Design) -> Iterator[tuple[str, ...]]:
+    """Each agent with rows, then the agents of each rule that is about several."""
+    yield from ((one.name,) for one in design.file.agent if one.row)
+    together = (tuple(sorted(ruled(rule))) for rule in design.file.never)
+    yield from dict.fromkeys(names for names in together if len(names) > 1)
+
+
+def _alone(
+    design: Design,
+    what: str,
+    kept: tuple[str, ...],
+    faults: Faults,
+    seconds: float | None,
+    progress: Progress | None,
+) -> Verdict:
+    """Safety of some agents: nothing unforeseen, no act twice, no rule broken, whatever the others
+    say.
+    """
+    fleet = Fleet(among_groups(design, kept), faults)
+    found = explore(fleet, seconds=seconds, progress=progress, first=False)
+    wrong = tuple(one for one in found.findings if one.kind == WRONG)
+    loud = fleet.not_silent() if not wrong else ()
+    most = None if faults.most == ANY else faults.most
+    return _verdict(3, what, most, found._replace(findings=wrong), *loud, beyond=(ALONE,))
+
+
+ALONE = (
+    "with --alone: deadlocks, whether rest can be reached, and how long queues get; and a finding"
+    " may need messages that the other agents never send"
+)
 
 
 def waiting(design: Design, gone: str) -> tuple[str, ...]:
