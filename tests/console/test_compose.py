@@ -244,7 +244,7 @@ def test_doctor_misses_compose(world: Path, monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_doctor_says_what_guests_may_do_and_that_containers_are_not_served(world: Path) -> None:
-    """No file of an unnamed service is asked for; `roco mcp` serves fleets of this machine alone."""
+    """No file of an unnamed service is read; `roco mcp` serves fleets of this machine alone."""
     told = dict(opened(targets.find("compose")))
     assert all(name.startswith("open: ") for name in told)
     assert told["open: MCP"].endswith("not served")

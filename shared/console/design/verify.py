@@ -47,6 +47,7 @@ TITLES = {
     2: "Layer 2: each use of a protocol, copies and receipts explicit",
     3: "Layer 3: all agents composed, on ideal queues",
 }
+ALONE_TITLE = "Layer 3: each agent among peers that send what their tables allow, on ideal queues"
 
 FAULTS = option(
     "How many faults at most, in layers 2 and 3: 0, 1, 2 ..., or any.", complete=completion.faults
@@ -62,7 +63,10 @@ GONE = option(
 )
 SECONDS = option("CPU seconds for each verdict; what is open then is said.")
 SKIP_START = option("Leave out the start of all agents (layer 3).", "--skip-start")
-ALONE = option("Each agent by itself, whatever the others send (layer 3).", "--alone")
+ALONE = option(
+    "Layer 3: verify each agent by itself. The others may send whatever their tables allow.",
+    "--alone",
+)
 LONG = option("Also what the model leaves out, and why that is safe.", "--long")
 
 
@@ -101,7 +105,7 @@ def verify(
             raise ValueError(
                 "nothing to prove; layers are 1, 2, 3, and a step changes channels of layer 2 only"
             )
-        verdicts = _verdicts(work, form)
+        verdicts = _verdicts(work, form, TITLES | ({3: ALONE_TITLE} if alone else {}))
     words = summary(verdicts, files.width(), long=long)
     meant = design.agents if ALL in (gone or ()) else dead
     asked_of = meant if 3 in wanted and step is None else ()
@@ -159,14 +163,14 @@ def _most(faults: str) -> int | None:
     return int(faults)
 
 
-def _verdicts(work: tuple[Task, ...], form: Format) -> list[Verdict]:
+def _verdicts(work: tuple[Task, ...], form: Format, titles: dict[int, str]) -> list[Verdict]:
     """Each verdict as it comes, with progress on a terminal."""
     verdicts: list[Verdict] = []
     shown = 0
     for task in work:
         if form is Format.TEXT and task.layer != shown:
             shown = task.layer
-            print(TITLES[shown])
+            print(titles[shown])
         with doing(task.what) as say:
             began = time.process_time()
             verdict = task.run(

@@ -288,7 +288,7 @@ def in_c(
 
 def explorer() -> Iterator[Check]:
     """Whether `roco design verify` explores in C here."""
-    slow = "large designs are verified 15 to 48 times more slowly"
+    slow = "large designs are verified about five times more slowly"
     what = "`roco design verify` explores in C"
     yield from in_c("explorer", compiled.library(), "topdown.prove.compiled", what, slow)
 
