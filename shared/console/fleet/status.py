@@ -94,7 +94,8 @@ def unheard(now: Look) -> Iterator[str]:
 
 def status(target: targets.Name = "", run_dir: RunDir = None, form: Form = Format.TEXT) -> None:
     """Show the fleet's processes and the tasks. Exits with 1 if a process is not ready, frozen or
-    hanging, if no supervisor runs, or if a certificate has expired, with 3 if nothing runs.
+    hanging, or if no supervisor runs, with 3 if nothing runs. Names an expired certificate that may
+    be the reason.
 
     Examples:
       roco status
