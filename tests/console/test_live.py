@@ -270,6 +270,7 @@ def test_what_is_not_as_designed_is_an_event() -> None:
         (PlanAt(t=0, at=GRASP), "  take jar (grasp)"),
         (PlanAt(t=0, at=TILT, outcome="failed"), ""),
         (PlanAt(t=0), ""),
+        (PlanAt(t=0, at=Step(("Replan",))), ""),
         (SEEN, "plan received: pour jar bowl, in 3 steps"),
         (Happened(t=0, name="grasped", of=("jar_1",)), "jar grasped"),
         (Happened(t=0, name="grasped", of=("jar_2",)), "jar 2 grasped"),

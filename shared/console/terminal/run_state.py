@@ -130,7 +130,8 @@ def in_words(line: LiveLine, system: System) -> str:
         case PlanSeen(tasks=some, states=states):
             return f"plan received: {tasks(some, system)}, in {len(leaves(states))} steps"
         case PlanAt(at=at, outcome="") if at is not None:
-            return f"  {system.step(at)}"
+            does = system.step(at)  # the last state of a plan does nothing
+            return f"  {does}" if does else ""
         case Happened(name=name, of=of, text=text, again=False):
             what = system.happened(name, of)
             return f"{what}: {text}" if text else what
