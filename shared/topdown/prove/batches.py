@@ -173,6 +173,7 @@ class Batches:
         moves = 0
         for lookup in self._lookups:
             lookup.number, moves = moves, moves + (1 << 12)
+        self._candidates = _Candidates(self.pitch)  # its room is used again
         self._found: list[tuple[int, int]] = []
         self._paused = -1
 
@@ -219,7 +220,8 @@ class Batches:
         rests[alive] = self._holds(here[alive], self.tables.rest) != NONE
         faults = self.tables.faults
         faulty = here[:, faults] != 0 if faults >= 0 else np.zeros(count, bool)
-        batch = _Batch(here, faulty, _Candidates(self.pitch), np.ones(count, bool), [])
+        self._candidates.count = 0
+        batch = _Batch(here, faulty, self._candidates, np.ones(count, bool), [])
         for lookup in self._lookups:
             self._carry_out(lookup, batch, alive)
         dead = batch.alone & ~rests
