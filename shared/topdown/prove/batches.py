@@ -5,6 +5,7 @@ batch are looked at together: for each row of the tables, its moves are carried 
 that the row applies to. A batch ends before the states that it finds.
 """
 
+from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
@@ -35,6 +36,8 @@ LARGEST = 1 << 16
 """States of a batch, whose places fit into 16 bits (faster to sort)."""
 UNKNOWN = np.iinfo(np.int32).min
 NONE = -1
+MOST_MOVES = 1 << 12
+"""Of a row (estimate: the largest of `execute_command` has 199); more are explored in Python."""
 MULTIPLIER = 0xD6E8FEB86659FD93
 """Of the hash in explore.c."""
 
@@ -137,14 +140,14 @@ class _Pairs:
 @dataclass
 class _Lookup:
     """The row of each combination of values in a site's slots; `tables`: of each slot's value and
-    the number of those in the slots before it.
+    the number of those in the slots before it; `number`: of its first move.
     """
 
     site: Site
+    number: int
     tables: list[_Pairs] = field(default_factory=list)
     plans: list[tuple[_Plan, ...]] = field(default_factory=list)
     wrong: list[int] = field(default_factory=list)
-    number: int = 0
 
 
 class Batches:
@@ -169,12 +172,11 @@ class Batches:
         self._hashes[:1] = _hashed(_words(self._states[:1]))
         self._insert(0, 1)
         self._maps: list[Ints] = []
-        self._lookups = [_Lookup(site) for site in tables.sites]
-        moves = 0
-        for lookup in self._lookups:
-            lookup.number, moves = moves, moves + (1 << 12)
+        self._lookups = [
+            _Lookup(site, number * MOST_MOVES) for number, site in enumerate(tables.sites)
+        ]
         self._candidates = _Candidates(self.pitch)  # its room is used again
-        self._found: list[tuple[int, int]] = []
+        self._found: deque[tuple[int, int]] = deque()
         self._paused = -1
 
     def close(self) -> None:
@@ -189,7 +191,7 @@ class Batches:
         """DONE, FOUND (see `now.text` and `now.number`) or PAUSE, to look at the clock."""
         while True:
             if self._found:
-                self.now.number, self.now.text = self._found.pop(0)
+                self.now.number, self.now.text = self._found.popleft()
                 return Status.FOUND
             if self.now.looked >= self.now.states:
                 return Status.DONE
@@ -339,7 +341,7 @@ class Batches:
         row: Row = lookup.site.row(*values)
         lookup.wrong.append(row.wrong)
         lookup.plans.append(tuple(map(_plan, row.moves)))
-        if len(row.moves) >= 1 << 12:
+        if len(row.moves) > MOST_MOVES:
             raise TooLarge
 
     def numbers(self, function: int, values: Ints) -> Ints:
