@@ -8,6 +8,7 @@ robot, HTTP, which tasks there are.
 Here is, too, the form of a text's letters in which sentences are compared (fold).
 """
 
+import itertools
 import re
 import string
 import unicodedata
@@ -111,6 +112,24 @@ class Time(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     behind: str
 
 
+class Aside(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a clause beside a wish must have so that its `soft` rows do not stop the robot: rows of
+    both languages.
+    """
+
+    cuts: str
+    unwished: str
+    verbs: str
+    nouns: str
+    bound: str
+    denied: str
+    first: str
+    among: str
+    reasons: str
+    second: str
+    soft: str
+
+
 class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The whole file."""
 
@@ -119,6 +138,7 @@ class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     beside: str
     not_near: str
     harmless: tuple[Harmless, ...]
+    aside: Aside
     time: Time
     stop: tuple[Group, ...]
 
@@ -179,6 +199,8 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
     if any(words == _as_in_rows(one) for one in answers):
         return ""
     table = _table()
+    sentence = _with_calm_asides(sentence)
+    words = _as_in_rows(sentence)
     few = len(words) <= 2 or len(set(words) - table.beside) == 1
     near = (word for word in words if few and word in table.near)
     text = f" {' '.join(words)} "
@@ -214,6 +236,67 @@ def _apart(sentence: str, whole: str) -> Iterator[str]:
     if len(parts) > 1:
         kept = (word for one in parts for word in _without_harmless(_as_in_rows(one)).split())
         yield from _in(f" {' '.join(kept)} ")
+
+
+def _with_calm_asides(sentence: str) -> str:
+    """The sentence without the soft rows of its asides; as it is where it has no wish or no aside.
+
+    A mark stays where it was, so that no row reaches over it that did not before.
+    """
+    asides = _asides()
+    parts = re.split(f"({_MARK.pattern})", fold(sentence[:LONGEST])[:LONGEST])
+    marks = [*parts[1::2], ""]
+    clauses = [list(_clauses(_as_in_rows(one))) for one in parts[::2]]
+    if not any(_is_wish(one) for row in clauses for one in row):
+        return sentence
+    calm = (
+        " ".join(
+            asides.soft.sub(" ", f" {' '.join(one)} ") if _is_aside(one) else " ".join(one)
+            for one in row
+        )
+        for row in clauses
+    )
+    return "".join(itertools.chain.from_iterable(zip(calm, marks, strict=True)))
+
+
+def _clauses(words: list[str]) -> Iterator[list[str]]:
+    """The words between marks, cut before words that join clauses and before the verb of a wish."""
+    asides, begin = _asides(), 0
+    for at in range(1, len(words)):
+        joins = not asides.cuts.isdisjoint((words[at], " ".join(words[at : at + 2])))
+        if joins or _is_verb(words, at):
+            yield words[begin:at]
+            begin = at
+    yield words[begin:]
+
+
+def _is_verb(words: list[str], at: int) -> bool:
+    """Whether a word can be the verb of a wish: "take", but not "my hand" or "I put"."""
+    asides = _asides()
+    before = words[at - 1] if at else ""
+    told = before == "to" and words[at - 2 : at - 1] == ["you"]  # "I would like you to take"
+    return words[at] in asides.verbs and (told or before not in asides.bound)
+
+
+def _is_wish(words: list[str]) -> bool:
+    asides = _asides()
+    if not words or words[0] in asides.unwished or not asides.denied.isdisjoint(words):
+        return False
+    verb = next((at for at in range(len(words)) if _is_verb(words, at)), len(words))
+    return not asides.nouns.isdisjoint(words[verb:])
+
+
+def _is_aside(words: list[str]) -> bool:
+    asides = _asides()
+    if _is_wish(words) or any(word in asides.second or _SECOND.search(word) for word in words):
+        return False
+    if asides.reasons.match(f" {' '.join(words)} "):
+        return True
+    begun = list(itertools.dropwhile(asides.joining.__contains__, words))
+    own = not asides.among.isdisjoint(begun[:3]) or any(map(_FIRST.search, begun))
+    calm = asides.soft.sub(" ", f" {' '.join(words)} ").split()
+    # "boję się" is a cry, "boję się, że" tells something
+    return bool({*calm} - {"sie"}) and (own or not asides.first.isdisjoint(begun[:1]))
 
 
 def may_answer(sentence: str) -> bool:
@@ -314,6 +397,10 @@ _LONG = {
     for gap in ("", " ")
     if gap or one.replace("'", "") not in _OTHERWISE
 }
+_FIRST = re.compile(r"(?:l[ae]m|labym|lbym)$")  # ends of Polish verbs: oparzyłam
+_SECOND = re.compile(
+    r"(?<!^n)(?<!^w)(?:asz|esz|isz|ysz|la[sś]|les)$"
+)  # ściskasz, but not nasz, wasz
 _LONG_FORM = re.compile(rf"(?<!\S)(?:{'|'.join(_LONG)})(?!\S)")
 
 
@@ -391,6 +478,47 @@ def _table() -> _Table:
         leading=re.compile(rf"^ (?:(?:{fillers}) )+"),
         trailing=re.compile(rf" (?:(?:{fillers}) )+$"),
     )
+
+
+class _Asides(NamedTuple):
+    """The rows of `aside`: words, and an expression each for its reasons and its soft rows.
+
+    `joining`: cuts and fillers, which stand in front of a clause.
+    """
+
+    cuts: frozenset[str]
+    joining: frozenset[str]
+    unwished: frozenset[str]
+    verbs: frozenset[str]
+    nouns: frozenset[str]
+    bound: frozenset[str]
+    denied: frozenset[str]
+    first: frozenset[str]
+    among: frozenset[str]
+    reasons: re.Pattern[str]
+    second: frozenset[str]
+    soft: re.Pattern[str]
+
+
+@cache
+def _asides() -> _Asides:
+    """The rows of `aside`, made when they are first needed."""
+    words = {
+        name: frozenset(row.strip() for row in _bounded(getattr(ROWS.aside, name)))
+        for name in Aside.__struct_fields__
+        if name not in ("reasons", "soft")
+    }
+    fillers = {word for row in _bounded(ROWS.fillers) for word in row.split()}
+    # "i" is "and" and "I"
+    words["joining"] = (words["cuts"] | fillers) - words["first"]
+    return _Asides(**words, reasons=_any_of(ROWS.aside.reasons), soft=_any_of(ROWS.aside.soft))
+
+
+def _any_of(rows: str) -> re.Pattern[str]:
+    """An expression for any of these rows, the longest first, behind a blank."""
+    found = sorted(_bounded(rows), key=len, reverse=True)
+    ways = (one[1:-1] if one.endswith(" ") else rf"{one[1:]}\w*" for one in found)
+    return re.compile(f" (?:{'|'.join(ways)})(?= )")
 
 
 _WHERE = ("anywhere", "opening", "alone", "answer")

@@ -6,6 +6,7 @@ import sys
 import time
 import unicodedata
 
+import pytest
 from confusable_homoglyphs.confusables import confusables_data
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -118,6 +119,60 @@ def test_these_stop():
 def test_these_do_not():
     """A robot that stopped at its ordinary commands would be of no use."""
     assert [one for one in said(NO_STOPS) if stop_words(one)] == []
+
+
+# --- asides: what somebody says of himself, or as a reason, beside a wish --------------------------
+
+WISHES = said(
+    "take the jar|could you bring me the bowl please|I'd like you to put the box on the table|weź"
+    " słoik|czy mogłabyś podać mi miskę|proszę wlać zawartość słoika do miski"
+)
+ASIDES = said(
+    "my back hurts|I burnt my hand|I have a broken arm|my hands hurt|I don't want to drop it|I need"
+    " help|well my doctor is coming|my fingers are too stiff|bolą mnie ręce|oparzyłam się wczoraj"
+    "|nie dam rady|boję się że upuszczę|mam złamaną rękę"
+)
+REASONS = said(
+    "before it falls|because the children are coming|or I will drop it|in case it breaks|zanim"
+    " spadnie|żeby się nie rozlało|bo dzieci zaraz wrócą"
+)
+CRIES = said(
+    "you hurt me|it hurts my hand|my finger is stuck|I am falling|don't touch the lid|I don't want"
+    " you to move|it's falling|the jar is slipping|ow|so wait|boję się|boli mnie bo mnie ściskasz"
+    "|nie ruszaj miski|parzy mnie|because you hit me"
+)
+
+
+@pytest.mark.parametrize("wish", WISHES)
+def test_an_aside_beside_a_wish_does_not_stop(wish):
+    """Before the wish, with a mark, a word or nothing between, and behind it."""
+    before = [f"{one}{gap}{wish}" for one in ASIDES for gap in (", ", " so ", ". ", " ")]
+    behind = [f"{wish}, {one}" for one in (*ASIDES, *REASONS)] + [
+        f"{wish} {one}" for one in REASONS
+    ]
+    assert [one for one in (*before, *behind) if stop_words(one)] == []
+
+
+def test_an_aside_without_a_wish_is_judged_by_its_words():
+    assert [one for one in ASIDES if not stop_words(one)] == ["nie dam rady"]
+
+
+@pytest.mark.parametrize("wish", [*WISHES, "don't take the jar", "nie bierz słoika"])
+def test_a_cry_beside_a_wish_stops(wish):
+    ways = [way for cry in CRIES for way in (f"{cry}, {wish}", f"{wish}, {cry}", f"{cry}! {wish}")]
+    assert [one for one in ways if not stop_words(one)] == []
+
+
+@pytest.mark.parametrize(
+    "told",
+    said(
+        "my hand hurts, don't take the jar|my back hurts when I take the jar|I want to take the jar"
+        " but my hand hurts|my hand hurts, not the jar|my hand hurts, the jar|boli mnie, nie bierz"
+        " słoika|boli mnie, kiedy biorę słoik"
+    ),
+)
+def test_without_a_wish_of_the_robot_there_is_no_aside(told):
+    assert stop_words(told)
 
 
 # --- every row in every form ----------------------------------------------------------------------

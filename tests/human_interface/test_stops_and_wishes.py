@@ -7,7 +7,7 @@ import re
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from companion.stop_words import stop_words
+from companion.stop_words import ROWS, stop_words
 from services.human_interface.catalogue import CATALOGUE, LANGUAGES, RULES, WISHES
 from services.human_interface.grammar import VOCABULARY
 
@@ -94,3 +94,16 @@ def test_no_wish_or_question_stops_whenever_it_is_meant(sentence, data):
 def test_the_words_of_the_catalogue_that_stop_are_known():
     """Another one would make a row of the catalogue that cannot be said."""
     assert {word for word in VOCABULARY if stop_words(f"x {word} x")} == IN_QUESTIONS | NEVER_READ
+
+
+def test_asides_know_the_nouns_of_the_catalogue():
+    """A wish with a noun that stop_words.toml does not have would make no clause an aside."""
+    known = {one.strip() for one in re.split(r"[,\n]", ROWS.aside.nouns)}
+    nouns = {
+        form
+        for thing in CATALOGUE.thing
+        if thing.name != "thing"  # "something" names no object
+        for forms in (thing.en, thing.pl, *thing.many.values())
+        for form in forms
+    }
+    assert {one for one in nouns if known.isdisjoint(one.split())} == set()
