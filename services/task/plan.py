@@ -21,7 +21,7 @@ class PlanError(ValueError):
         self.where, self.name, self.known = where, name, known
         states = ", ".join(known) or "nothing"
         super().__init__(
-            f"plan: {where} leads to {name!r}, but can lead to {states}; the plan must be redone"
+            f"plan: {where} leads to {name!r}, but can lead to {states}; the task fails"
         )
 
 

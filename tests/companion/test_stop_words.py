@@ -121,7 +121,7 @@ def test_these_do_not():
     assert [one for one in said(NO_STOPS) if stop_words(one)] == []
 
 
-# --- asides: what somebody says of himself, or as a reason, beside a wish --------------------------
+# --- asides: what somebody says of himself, or as a reason, beside a wish -------------------------
 
 WISHES = said(
     "take the jar|could you bring me the bowl please|I'd like you to put the box on the table|weź"

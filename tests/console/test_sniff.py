@@ -33,7 +33,7 @@ WRONG = msgspec.structs.replace(
     t=101.0,
     verdict=Verdict.OUT_OF_SEQUENCE,
     violation=True,
-    why="it may say nothing in done",
+    why="allowed in done: nothing",
 )
 
 
@@ -106,9 +106,9 @@ def test_what_is_not_as_designed_is_told_in_words() -> None:
     """Verdict beside the arrow, reason below; in the drawing, too."""
     shown = Lifelines(AGENTS, 120).row(WRONG, 100.0, 60).plain
     assert "OUT OF SEQUENCE" in shown
-    assert shown.endswith("\n          it may say nothing in done")
+    assert shown.endswith("\n          allowed in done: nothing")
     drawn = draw(Diagram("", AGENTS, tuple(arrows([ASKED, WRONG])))).svg()
-    assert "OUT OF SEQUENCE: it may say nothing in done" in drawn
+    assert "OUT OF SEQUENCE: allowed in done: nothing" in drawn
 
 
 def test_time_is_since_the_first_line_also_backwards() -> None:

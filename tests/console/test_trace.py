@@ -153,7 +153,7 @@ AGREED = msgspec.structs.replace(
 WRONG = msgspec.structs.replace(
     AGREED, t=103.0, verdict=Verdict.OUT_OF_SEQUENCE, violation=True,
     why="request: participant ex says agree in agreed; "
-        "it may say failure, inform, inform[progress]",
+        "allowed: failure, inform, inform[progress]",
 )  # fmt: skip
 
 
@@ -233,7 +233,7 @@ def test_what_is_wrong_is_marked_with_its_reason() -> None:
     """Verdict and why, under the arrow."""
     text = sequence.drawn((ASKED, AGREED, WRONG), "ta", "ex", 80).plain
     assert "OUT OF SEQUENCE" in text
-    assert " ".join(text.split()).count("it may say failure, inform, inform[progress]") == 1
+    assert " ".join(text.split()).count("allowed: failure, inform, inform[progress]") == 1
     assert "+3.00 s" in text
 
 

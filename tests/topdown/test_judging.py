@@ -366,7 +366,7 @@ def test_what_is_wrong_is_told_by_what_would_be_right(design: Design) -> None:
         (
             (V.WRONG_CHANNEL, "the design has it on K1"),
             (V.WRONG_CHANNEL, "'somewhere' is none of a communicate"),
-            (V.NOT_ENTITLED, "it may say agree, inform, not-understood"),
+            (V.NOT_ENTITLED, "allowed: agree, inform, not-understood"),
             (V.MALFORMED, ""),
         ),
         strict=True,

@@ -111,7 +111,7 @@ MORE_SESSIONS = 20
 """Sessions at a router beside as many as there are identities; more are refused. Estimate: a dozen
 verbs of `roco` that listen, and processes that come back before their last session has ended.
 
-The companion's eleven identities may have 31 then. With an unfinished message of 7.9 MB in each of
+The companion has more than a dozen identities. With an unfinished message of 7.9 MB in each of
 30 sessions the router took 231 MiB (measured); its container has 256.
 """
 _RETRY = {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2}

@@ -19,7 +19,7 @@ from console.runs import folders
 from operate.fleet_file import Fleet
 
 CONSOLE = "console"
-"""The identity that hears everything and says nothing, where there are keys."""
+"""The identity that gets guests' messages, heartbeats and telemetry, and writes nothing."""
 OPERATOR = "operator"
 """The identity that may write orders to agents, where there are keys: not the one that listens."""
 

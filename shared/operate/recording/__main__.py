@@ -90,7 +90,7 @@ caller is gone then, however. Nothing is kept, and nobody is held: of heartbeats
 comes faster than it is read is dropped and counted.
 """
 CONSOLE = "console"
-"""The identity of people's tools, which may hear what the recorder may."""
+"""The identity of people's tools: it gets guests' messages, heartbeats and telemetry."""
 PAUSE_S = 0.05
 """Between two looks at the logs (estimate: a person sees no delay)."""
 ROUTER_S = 5.0

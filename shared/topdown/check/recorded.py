@@ -239,7 +239,7 @@ def _strange(design: Design, said: Iterable[Observation]) -> Iterator[Finding]:
             odd[one.sender, one.receiver, one.protocol, str(one.performative)] += 1
     for (sender, receiver, protocol, act), count in odd.items():
         allowed = ", ".join(sorted(design.allowed(sender, receiver, protocol))) or "nothing"
-        right = f"it may say {allowed} there"
+        right = f"allowed: {allowed}"
         wrong = f"{count} {act} in {protocol}"
         yield Finding(Kind.NOT_DESIGNED, f"run, {sender} to {receiver}", wrong, right)
 

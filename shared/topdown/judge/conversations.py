@@ -136,7 +136,7 @@ class Talk:
         act = f"{said.performative}[{kinds}]" if kinds else str(said.performative)
         states = self.followed.states[0 if role is Role.INITIATOR else 1]
         who = f"{self.followed.protocol.name}: {role} {entry.communicate.sender}"
-        return f"{who} says {act} in {states}; it may say {side.may_say()}"
+        return f"{who} says {act} in {states}; allowed: {side.may_say()}"
 
     def overlook(self, entry: Entry) -> None:
         """It was out of sequence: go on as if it had been said, or not."""

@@ -207,7 +207,7 @@ class Admission:
             may = ", ".join(acts)
             return (
                 f"{one.sender} may not say {one.performative} to {one.receiver} in {one.protocol};"
-                f" it may say {may}"
+                f" allowed: {may}"
             )
         spoken = sorted({i for s, r, i, _ in self._rules if (s, r) == (one.sender, one.receiver)})
         if spoken:

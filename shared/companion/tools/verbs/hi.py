@@ -197,8 +197,8 @@ def page(
     """Pair a browser with the person's page: print an address that does it once. It can be used for
     five minutes.
 
-    The browser stays paired as long as the run folder exists. A fleet that is starting is waited
-    for, at most 90 s. If the fleet was started for a tablet (`ROCO_PAGE=192.168.1.20:8351 roco
+    The browser stays paired for 30 days, if the run folder exists that long. The command waits at
+    most 90 s for a fleet that is starting. If the fleet was started for a tablet (`ROCO_PAGE=192.168.1.20:8351 roco
     up`), the address in the network is printed, too, with a QR code.
 
     Examples:
