@@ -139,7 +139,8 @@ REASONS = said(
 CRIES = said(
     "you hurt me|it hurts my hand|my finger is stuck|I am falling|don't touch the lid|I don't want"
     " you to move|it's falling|the jar is slipping|ow|so wait|boję się|boli mnie bo mnie ściskasz"
-    "|nie ruszaj miski|parzy mnie|because you hit me"
+    "|nie ruszaj miski|parzy mnie|because you hit me|my dog is there|I fell|I am dizzy"
+    "|my child|słabo mi"
 )
 
 
