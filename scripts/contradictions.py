@@ -21,8 +21,9 @@ TABLE = ROOT / "tests/topdown/paper_contradictions.toml"
 
 HEAD = """# Contradictions in the paper
 
-The paper's design contradicts itself in these places. `roco design check
-tests/topdown/paper_as_printed.toml` prints them with their rows. Figures and sentences are in
+The paper's design contradicts itself in the places below. `roco design check
+tests/topdown/paper_as_printed.toml` reports those about protocols and steps. The others follow
+from the paper's figures and sentences in
 [paper_statements.toml](../../tests/topdown/paper_statements.toml).
 """
 BEYOND = """
@@ -32,10 +33,10 @@ A checker of designs cannot decide these:
 
 """
 HEADINGS = {
-    "statements": "Two places of the paper",
-    "tables": "A message and the rows of its protocol",
+    "statements": "Disagreeing statements",
+    "tables": "Messages and protocols",
     "counts": "Table 8 and the protocols",
-    "replay": "The list of channels and the steps of the method",
+    "replay": "Channels and steps",
 }
 HOW = {
     paper_statements.Kind.CLAIM: "statements",
