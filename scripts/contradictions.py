@@ -29,7 +29,7 @@ from the paper's figures and sentences in
 BEYOND = """
 ## Undecided
 
-A checker of designs cannot decide these:
+The checker cannot decide:
 
 """
 HEADINGS = {
