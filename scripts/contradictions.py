@@ -21,7 +21,7 @@ TABLE = ROOT / "tests/topdown/paper_contradictions.toml"
 
 HEAD = """# Contradictions in the paper
 
-The paper's design contradicts itself in the places below. `roco design check
+The paper's design contradicts itself in these places. `roco design check
 tests/topdown/paper_as_printed.toml` reports those about protocols and steps. The others follow
 from the paper's figures and sentences in
 [paper_statements.toml](../../tests/topdown/paper_statements.toml).
