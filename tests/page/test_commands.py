@@ -365,6 +365,21 @@ def test_do_this_first_takes_those_behind_it_along(house, opened):
     assert house.cancelled == ["hi-1-2", "hi-1-3"]
 
 
+def test_a_late_reply_does_not_replace_that_of_a_newer_request(house, opened):
+    """The reply to a stop may take longer than that to the sentence behind it."""
+    one, held = opened(), []
+    one.route("**/stop", lambda route: held.append(route))
+    with one.expect_request("**/stop"):
+        one.locator("#stop").click()
+    say(one, "what can you do?")
+    expect(one.locator("#answer")).not_to_be_empty()
+    answer = one.locator("#answer").inner_text()
+    with one.expect_response("**/stop"):
+        held[0].continue_()
+    expect(one.locator("#now")).to_contain_text("Velma is stopped.")
+    expect(one.locator("#answer")).to_have_text(answer)
+
+
 def test_stop_and_release(house, opened):
     """The robot's flag is set by the button, the Escape key and a stop word, and by the button
     without scripts.

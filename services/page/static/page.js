@@ -285,7 +285,11 @@ const say = (text) => send("/say", { text, ...order() });
 byId("careful").checked = localStorage.getItem("careful") === "1";
 byId("careful").addEventListener("change", (event) => localStorage.setItem("careful", event.target.checked ? "1" : "0"));
 
+let sent = 0; // requests so far
+let replied = 0; // the newest one whose reply is shown; a reply that comes later than that of a newer request is out of date
+
 async function send(path, fields = {}) {
+  const number = ++sent;
   let reply;
   try {
     const answer = await fetch(path, { method: "POST", body: new URLSearchParams({ ...fields, east_min: -new Date().getTimezoneOffset() }), headers: { Accept: "application/json" } });
@@ -294,7 +298,8 @@ async function send(path, fields = {}) {
   } catch {
     reply = { error: words.unreached };
   }
-  answered(reply);
+  if (reply.error || number > replied) answered(reply);
+  replied = Math.max(replied, number);
   return !reply.error;
 }
 
