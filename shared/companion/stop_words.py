@@ -15,7 +15,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 from importlib import resources
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import msgspec
 
@@ -43,6 +43,11 @@ def fold(text: str) -> str:
 
 @lru_cache(maxsize=4096)  # signs; estimate: more than people write with
 def _folded(sign: str) -> str:
+    form = _once_folded(sign)
+    return form if form.isascii() or form == sign else fold(form)
+
+
+def _once_folded(sign: str) -> str:
     if sign in APOSTROPHES:
         return "'"
     if sign.isspace():
@@ -128,6 +133,10 @@ class Aside(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reasons: str
     second: str
     soft: str
+    cautions: str
+    asking: str
+    asked: str
+    alarmed: str
 
 
 class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -239,24 +248,41 @@ def _apart(sentence: str, whole: str) -> Iterator[str]:
 
 
 def _with_calm_asides(sentence: str) -> str:
-    """The sentence without the soft rows of its asides; as it is where it has no wish or no aside.
+    """The sentence without the rows that do not count in an aside, behind a wish or in a question.
 
     A mark stays where it was, so that no row reaches over it that did not before.
     """
-    asides = _asides()
     parts = re.split(f"({_MARK.pattern})", fold(sentence[:LONGEST])[:LONGEST])
-    marks = [*parts[1::2], ""]
     clauses = [list(_clauses(_as_in_rows(one))) for one in parts[::2]]
-    if not any(_is_wish(one) for row in clauses for one in row):
+    wished = any(_is_wish(one) for row in clauses for one in row)
+    if not wished and not any(_asks(one) for row in clauses for one in row):
         return sentence
-    calm = (
-        " ".join(
-            asides.soft.sub(" ", f" {' '.join(one)} ") if _is_aside(one) else " ".join(one)
-            for one in row
-        )
-        for row in clauses
-    )
-    return "".join(itertools.chain.from_iterable(zip(calm, marks, strict=True)))
+    calm, before = list[str](), list[str]()
+    for row in clauses:
+        kept = list[str]()
+        for one in row:
+            kept.append(_calm(one, before, wished=wished))
+            before = one
+        calm.append(" ".join(kept))
+    return "".join(itertools.chain.from_iterable(zip(calm, [*parts[1::2], ""], strict=True)))
+
+
+def _calm(clause: list[str], before: list[str], *, wished: bool) -> str:
+    """A clause without the rows that do not count there; `before`: the clause before it."""
+    asides, text = _asides(), f" {' '.join(clause)} "
+    if _asks(clause):
+        text = asides.asked.sub(" ", text)
+    if wished and _is_aside(clause):
+        text = asides.soft.sub(" ", text)
+    if _is_wish(before):
+        text = asides.cautions.sub(" ", text)
+    return text.strip()
+
+
+def _asks(words: list[str]) -> bool:
+    """Whether a clause asks what became of a thing, not of a person."""
+    asides = _asides()
+    return bool(asides.asking.match(f" {' '.join(words)} ")) and asides.alarmed.isdisjoint(words)
 
 
 def _clauses(words: list[str]) -> Iterator[list[str]]:
@@ -288,7 +314,7 @@ def _is_wish(words: list[str]) -> bool:
 
 def _is_aside(words: list[str]) -> bool:
     asides = _asides()
-    if _is_wish(words) or any(word in asides.second or _SECOND.search(word) for word in words):
+    if any(word in asides.second or _SECOND.search(word) for word in words):
         return False
     if asides.reasons.match(f" {' '.join(words)} "):
         return True
@@ -351,8 +377,8 @@ def _plain(text: str) -> str:
 def _once(text: str) -> str:
     """The text with repeated letters once; "off", "too" and "all" stay, unlike "of", "to", "ał"."""
     return re.sub(
-        r"\b(o+ff+)\b|\b(t+oo+)\b|\b(all)\b|([^\W\d])\4+",
-        lambda at: at[3] or at[4] or ("off" if at[1] else "too"),
+        r"\b(o+ff+)\b|\b(t+oo+)\b|\b(a+ll+)\b|([^\W\d])\4+",
+        lambda at: at[4] or ("off" if at[1] else "too" if at[2] else "all"),
         text,
     )
 
@@ -480,8 +506,11 @@ def _table() -> _Table:
     )
 
 
+_SEVERAL_WORDS = ("reasons", "soft", "cautions", "asking", "asked")
+
+
 class _Asides(NamedTuple):
-    """The rows of `aside`: words, and an expression each for its reasons and its soft rows.
+    """The rows of `aside`: words, and an expression for rows that may have several.
 
     `joining`: cuts and fillers, which stand in front of a clause.
     """
@@ -498,20 +527,23 @@ class _Asides(NamedTuple):
     reasons: re.Pattern[str]
     second: frozenset[str]
     soft: re.Pattern[str]
+    cautions: re.Pattern[str]
+    asking: re.Pattern[str]
+    asked: re.Pattern[str]
+    alarmed: frozenset[str]
 
 
 @cache
 def _asides() -> _Asides:
     """The rows of `aside`, made when they are first needed."""
-    words = {
-        name: frozenset(row.strip() for row in _bounded(getattr(ROWS.aside, name)))
-        for name in Aside.__struct_fields__
-        if name not in ("reasons", "soft")
-    }
+    found: dict[str, Any] = {}
+    for name in Aside.__struct_fields__:
+        rows = getattr(ROWS.aside, name)
+        several = name in _SEVERAL_WORDS
+        found[name] = _any_of(rows) if several else frozenset(row.strip() for row in _bounded(rows))
     fillers = {word for row in _bounded(ROWS.fillers) for word in row.split()}
     # "i" is "and" and "I"
-    words["joining"] = (words["cuts"] | fillers) - words["first"]
-    return _Asides(**words, reasons=_any_of(ROWS.aside.reasons), soft=_any_of(ROWS.aside.soft))
+    return _Asides(**found, joining=(found["cuts"] | fillers) - found["first"])
 
 
 def _any_of(rows: str) -> re.Pattern[str]:

@@ -154,6 +154,39 @@ def test_an_aside_beside_a_wish_does_not_stop(wish):
     assert [one for one in (*before, *behind) if stop_words(one)] == []
 
 
+CAUTIONS = said(
+    " but be careful with it|, but don't spill any| without dropping it|, it's very hot|, tylko"
+    " ostrożnie|, ale nie upuść|, uważaj na nią|, łatwo się tłucze"
+)
+QUESTIONS = said(
+    "did it hurt?|have you spilled anything?|is the bowl too full?|what happened, did something"
+    " fall?|why did you drop it|czy coś się stłukło?|czemu to upuściłaś?"
+)
+
+
+@pytest.mark.parametrize("wish", WISHES)
+def test_a_caution_stops_unless_it_stands_behind_a_wish(wish):
+    assert [one for one in CAUTIONS if stop_words(f"{wish}{one}")] == []
+    alone = ("be careful with it", "don't spill any", "uważaj na nią")
+    ways = [way for one in alone for way in (one, f"{one}, {wish}", f"look, {one}")]
+    assert [one for one in ways if not stop_words(one)] == []
+
+
+def test_questions_of_what_became_of_a_thing_do_not_stop():
+    assert [one for one in QUESTIONS if stop_words(one)] == []
+
+
+@pytest.mark.parametrize(
+    "asked",
+    said(
+        "did you hurt me?|have you hurt somebody?|is it burning?|why did you hurt my hand|czy ktoś"
+        " się skaleczył?|is the child hurt?|did you drop it? stop|is it falling?|it is broken"
+    ),
+)
+def test_questions_about_people_and_what_goes_on_stop(asked):
+    assert stop_words(asked)
+
+
 def test_an_aside_without_a_wish_is_judged_by_its_words():
     assert [one for one in ASIDES if not stop_words(one)] == ["nie dam rady"]
 
@@ -169,7 +202,8 @@ def test_a_cry_beside_a_wish_stops(wish):
     said(
         "my hand hurts, don't take the jar|my back hurts when I take the jar|I want to take the jar"
         " but my hand hurts|my hand hurts, not the jar|my hand hurts, the jar|boli mnie, nie bierz"
-        " słoika|boli mnie, kiedy biorę słoik"
+        " słoika|boli mnie, kiedy biorę słoik|my hand hurts when taking the jar"
+        "|my hand hurts, never give me the jar|my hand hurts, did it break?"
     ),
 )
 def test_without_a_wish_of_the_robot_there_is_no_aside(told):
@@ -435,6 +469,12 @@ def test_apostrophes_are_those_of_unicode():
 def test_any_text_has_a_form_which_is_its_own_form(text):
     """Total, and idempotent."""
     assert fold(fold(text)) == fold(text)
+
+
+def test_the_form_of_every_sign_is_its_own_form():
+    """Of the plane in which people write; a random text seldom has the sign that fails."""
+    signs = [chr(one) for one in range(0x10000) if not 0xD800 <= one < 0xE000]
+    assert [one for one in signs if fold(fold(one)) != fold(one)] == []
 
 
 def test_the_table_is_loaded_by_a_letter_of_another_alphabet_alone():

@@ -198,8 +198,9 @@ def page(
     five minutes.
 
     The browser stays paired for 30 days, if the run folder exists that long. The command waits at
-    most 90 s for a fleet that is starting. If the fleet was started for a tablet (`ROCO_PAGE=192.168.1.20:8351 roco
-    up`), the address in the network is printed, too, with a QR code.
+    most 90 s for a fleet that is starting. If the fleet was started for a tablet
+    (`ROCO_PAGE=192.168.1.20:8351 roco up`), the address in the network is printed, too, with a QR
+    code.
 
     Examples:
       roco page
