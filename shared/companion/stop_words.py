@@ -126,6 +126,7 @@ class Aside(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     unwished: str
     verbs: str
     nouns: str
+    stands: str
     bound: str
     denied: str
     first: str
@@ -254,7 +255,8 @@ def _with_calm_asides(sentence: str) -> str:
     """
     parts = re.split(f"({_MARK.pattern})", fold(sentence[:LONGEST])[:LONGEST])
     clauses = [list(_clauses(_as_in_rows(one))) for one in parts[::2]]
-    wished = any(_is_wish(one) for row in clauses for one in row)
+    named = not _asides().nouns.isdisjoint(word for row in clauses for one in row for word in one)
+    wished = named and any(_is_wish(one) for row in clauses for one in row)
     if not wished and not any(_asks(one) for row in clauses for one in row):
         return sentence
     calm, before = list[str](), list[str]()
@@ -274,7 +276,7 @@ def _calm(clause: list[str], before: list[str], *, wished: bool) -> str:
         text = asides.asked.sub(" ", text)
     if wished and _is_aside(clause):
         text = asides.soft.sub(" ", text)
-    if _is_wish(before):
+    if wished and _is_wish(before):
         text = asides.cautions.sub(" ", text)
     return text.strip()
 
@@ -309,7 +311,7 @@ def _is_wish(words: list[str]) -> bool:
     if not words or words[0] in asides.unwished or not asides.denied.isdisjoint(words):
         return False
     verb = next((at for at in range(len(words)) if _is_verb(words, at)), len(words))
-    return not asides.nouns.isdisjoint(words[verb:])
+    return not (asides.nouns | asides.stands).isdisjoint(words[verb:])
 
 
 def _is_aside(words: list[str]) -> bool:
@@ -319,7 +321,7 @@ def _is_aside(words: list[str]) -> bool:
     if asides.reasons.match(f" {' '.join(words)} "):
         return True
     begun = list(itertools.dropwhile(asides.joining.__contains__, words))
-    own = not asides.among.isdisjoint(begun[:3]) or any(map(_FIRST.search, begun))
+    own = not asides.among.isdisjoint(begun[:5]) or any(map(_FIRST.search, begun))
     calm = asides.soft.sub(" ", f" {' '.join(words)} ").split()
     # "boję się" is a cry, "boję się, że" tells something
     return bool({*calm} - {"sie"}) and (own or not asides.first.isdisjoint(begun[:1]))
@@ -520,6 +522,7 @@ class _Asides(NamedTuple):
     unwished: frozenset[str]
     verbs: frozenset[str]
     nouns: frozenset[str]
+    stands: frozenset[str]
     bound: frozenset[str]
     denied: frozenset[str]
     first: frozenset[str]
