@@ -23,7 +23,7 @@ CORE = ROOT / "shared/agent_runtime/core"
 OPEN, CLOSE = "<!-- writers: made by scripts/figures -->\n", "<!-- :writers -->\n"
 CHANGES = {"append", "clear", "pop", "setdefault", "update"}
 """Methods of dict and list that change it."""
-MAKING = "set when the state is made"
+MAKING = "set only when the state is created"
 DURABLE = tuple(name for name in CoreState.__struct_fields__ if name != "soft")
 
 
