@@ -15,7 +15,7 @@ import unicodedata
 from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 from importlib import resources
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import msgspec
 
@@ -156,6 +156,7 @@ class Rows(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 ROWS = msgspec.toml.decode(
     resources.files(__package__).joinpath("stop_words.toml").read_bytes(), type=Rows
 )
+_ASIDE = ROWS.aside
 _NOT = (
     "do",
     "does",
@@ -209,8 +210,9 @@ def stop_words(sentence: str, answers: Iterable[str] = ()) -> str:
     if any(words == _as_in_rows(one) for one in answers):
         return ""
     table = _table()
-    sentence = _with_calm_asides(sentence)
-    words = _as_in_rows(sentence)
+    calm = _with_calm_asides(sentence)
+    if calm != sentence:
+        sentence, words = calm, _as_in_rows(calm)
     few = len(words) <= 2 or len(set(words) - table.beside) == 1
     near = (word for word in words if few and word in table.near)
     text = f" {' '.join(words)} "
@@ -255,7 +257,7 @@ def _with_calm_asides(sentence: str) -> str:
     """
     parts = re.split(f"({_MARK.pattern})", fold(sentence[:LONGEST])[:LONGEST])
     clauses = [list(_clauses(_as_in_rows(one))) for one in parts[::2]]
-    named = not _asides().nouns.isdisjoint(word for row in clauses for one in row for word in one)
+    named = any(_has(one, _ASIDE.nouns) for row in clauses for one in row)
     wished = named and any(_is_wish(one) for row in clauses for one in row)
     if not wished and not any(_asks(one) for row in clauses for one in row):
         return sentence
@@ -266,32 +268,33 @@ def _with_calm_asides(sentence: str) -> str:
             kept.append(_calm(one, before, wished=wished))
             before = one
         calm.append(" ".join(kept))
-    return "".join(itertools.chain.from_iterable(zip(calm, [*parts[1::2], ""], strict=True)))
+    # a comma is a mark only before a blank
+    return " ".join(f"{part}{mark}" for part, mark in zip(calm, [*parts[1::2], ""], strict=True))
 
 
 def _calm(clause: list[str], before: list[str], *, wished: bool) -> str:
     """A clause without the rows that do not count there; `before`: the clause before it."""
-    asides, text = _asides(), f" {' '.join(clause)} "
+    text = f" {' '.join(clause)} "
     if _asks(clause):
-        text = asides.asked.sub(" ", text)
+        text = _any_of(_ASIDE.asked).sub(" ", text)
     if wished and _is_aside(clause):
-        text = asides.soft.sub(" ", text)
+        text = _any_of(_ASIDE.soft).sub(" ", text)
     if wished and _is_wish(before):
-        text = asides.cautions.sub(" ", text)
+        text = _any_of(_ASIDE.cautions).sub(" ", text)
     return text.strip()
 
 
 def _asks(words: list[str]) -> bool:
     """Whether a clause asks what became of a thing, not of a person."""
-    asides = _asides()
-    return bool(asides.asking.match(f" {' '.join(words)} ")) and asides.alarmed.isdisjoint(words)
+    asking = _any_of(_ASIDE.asking).match(f" {' '.join(words)} ")
+    return asking is not None and not _has(words, _ASIDE.alarmed)
 
 
 def _clauses(words: list[str]) -> Iterator[list[str]]:
     """The words between marks, cut before words that join clauses and before the verb of a wish."""
-    asides, begin = _asides(), 0
+    begin = 0
     for at in range(1, len(words)):
-        joins = not asides.cuts.isdisjoint((words[at], " ".join(words[at : at + 2])))
+        joins = _has((words[at], " ".join(words[at : at + 2])), _ASIDE.cuts)
         if joins or _is_verb(words, at):
             yield words[begin:at]
             begin = at
@@ -300,31 +303,26 @@ def _clauses(words: list[str]) -> Iterator[list[str]]:
 
 def _is_verb(words: list[str], at: int) -> bool:
     """Whether a word can be the verb of a wish: "take", but not "my hand" or "I put"."""
-    asides = _asides()
     before = words[at - 1] if at else ""
     told = before == "to" and words[at - 2 : at - 1] == ["you"]  # "I would like you to take"
-    return words[at] in asides.verbs and (told or before not in asides.bound)
+    return words[at] in _words(_ASIDE.verbs) and (told or before not in _words(_ASIDE.bound))
 
 
 def _is_wish(words: list[str]) -> bool:
-    asides = _asides()
-    if not words or words[0] in asides.unwished or not asides.denied.isdisjoint(words):
+    if _has(words[:1], _ASIDE.unwished) or _has(words, _ASIDE.denied):
         return False
     verb = next((at for at in range(len(words)) if _is_verb(words, at)), len(words))
-    return not (asides.nouns | asides.stands).isdisjoint(words[verb:])
+    return _has(words[verb:], _ASIDE.nouns) or _has(words[verb:], _ASIDE.stands)
 
 
 def _is_aside(words: list[str]) -> bool:
-    asides = _asides()
-    if any(word in asides.second or _SECOND.search(word) for word in words):
+    if _has(words, _ASIDE.second) or any(map(_SECOND.search, words)):
         return False
-    if asides.reasons.match(f" {' '.join(words)} "):
+    if _any_of(_ASIDE.reasons).match(f" {' '.join(words)} "):
         return True
-    begun = list(itertools.dropwhile(asides.joining.__contains__, words))
-    own = not asides.among.isdisjoint(begun[:5]) or any(map(_FIRST.search, begun))
-    calm = asides.soft.sub(" ", f" {' '.join(words)} ").split()
-    # "boję się" is a cry, "boję się, że" tells something
-    return bool({*calm} - {"sie"}) and (own or not asides.first.isdisjoint(begun[:1]))
+    begun = list(itertools.dropwhile(_joining().__contains__, words))
+    own = _has(begun[:5], _ASIDE.among) or any(map(_FIRST.search, begun))
+    return own or _has(begun[:1], _ASIDE.first)
 
 
 def may_answer(sentence: str) -> bool:
@@ -425,10 +423,10 @@ _LONG = {
     for gap in ("", " ")
     if gap or one.replace("'", "") not in _OTHERWISE
 }
-_FIRST = re.compile(r"(?:l[ae]m|labym|lbym)$")  # ends of Polish verbs: oparzyłam
-_SECOND = re.compile(
-    r"(?<!^n)(?<!^w)(?:asz|esz|isz|ysz|la[sś]|les)$"
-)  # ściskasz, but not nasz, wasz
+# ends of folded Polish verbs of the first person: oparzyłam
+_FIRST = re.compile(r"(?:l[ae]m|labym|lbym)$")
+# of the second person: ściskasz, but not nasz, wasz
+_SECOND = re.compile(r"(?<!^n)(?<!^w)(?:asz|esz|isz|ysz|las|les)$")
 _LONG_FORM = re.compile(rf"(?<!\S)(?:{'|'.join(_LONG)})(?!\S)")
 
 
@@ -508,52 +506,31 @@ def _table() -> _Table:
     )
 
 
-_SEVERAL_WORDS = ("reasons", "soft", "cautions", "asking", "asked")
+@cache
+def _words(rows: str) -> frozenset[str]:
+    """These rows, each as the words that are compared."""
+    return frozenset(row.strip() for row in _bounded(rows))
 
 
-class _Asides(NamedTuple):
-    """The rows of `aside`: words, and an expression for rows that may have several.
-
-    `joining`: cuts and fillers, which stand in front of a clause.
-    """
-
-    cuts: frozenset[str]
-    joining: frozenset[str]
-    unwished: frozenset[str]
-    verbs: frozenset[str]
-    nouns: frozenset[str]
-    stands: frozenset[str]
-    bound: frozenset[str]
-    denied: frozenset[str]
-    first: frozenset[str]
-    among: frozenset[str]
-    reasons: re.Pattern[str]
-    second: frozenset[str]
-    soft: re.Pattern[str]
-    cautions: re.Pattern[str]
-    asking: re.Pattern[str]
-    asked: re.Pattern[str]
-    alarmed: frozenset[str]
+def _has(words: Iterable[str], rows: str) -> bool:
+    """Whether one of the words is one of these rows."""
+    return not _words(rows).isdisjoint(words)
 
 
 @cache
-def _asides() -> _Asides:
-    """The rows of `aside`, made when they are first needed."""
-    found: dict[str, Any] = {}
-    for name in Aside.__struct_fields__:
-        rows = getattr(ROWS.aside, name)
-        several = name in _SEVERAL_WORDS
-        found[name] = _any_of(rows) if several else frozenset(row.strip() for row in _bounded(rows))
-    fillers = {word for row in _bounded(ROWS.fillers) for word in row.split()}
-    # "i" is "and" and "I"
-    return _Asides(**found, joining=(found["cuts"] | fillers) - found["first"])
-
-
 def _any_of(rows: str) -> re.Pattern[str]:
     """An expression for any of these rows, the longest first, behind a blank."""
     found = sorted(_bounded(rows), key=len, reverse=True)
     ways = (one[1:-1] if one.endswith(" ") else rf"{one[1:]}\w*" for one in found)
     return re.compile(f" (?:{'|'.join(ways)})(?= )")
+
+
+@cache
+def _joining() -> frozenset[str]:
+    """The words that may stand in front of a clause: cuts and fillers."""
+    fillers = {word for row in _bounded(ROWS.fillers) for word in row.split()}
+    # "i" is "and" and "I"
+    return (_words(_ASIDE.cuts) | fillers) - _words(_ASIDE.first)
 
 
 _WHERE = ("anywhere", "opening", "alone", "answer")

@@ -282,6 +282,16 @@ def test_every_row_stops_as_it_stands():
     assert [row for row in rows if not stop_words(row.removesuffix("*"))] == []
 
 
+def test_every_row_stops_beside_a_wish():
+    """As an own part, and with more words behind it: no aside takes a whole row with it."""
+    ways = [
+        f"take the jar, {row.removesuffix('*')}{after}"
+        for row in ROWS_OF["anywhere"]
+        for after in ("", " the bowl", "!", " in a minute")
+    ]
+    assert [one for one in ways if not stop_words(one)] == []
+
+
 @settings(max_examples=400, deadline=None)
 @given(
     row=st.sampled_from(ROWS_OF["anywhere"]),

@@ -286,7 +286,7 @@ byId("careful").checked = localStorage.getItem("careful") === "1";
 byId("careful").addEventListener("change", (event) => localStorage.setItem("careful", event.target.checked ? "1" : "0"));
 
 let sent = 0; // requests so far
-let replied = 0; // the newest one whose reply is shown; a reply that comes later than that of a newer request is out of date
+let replied = 0; // number of the newest request that has its reply; later replies to older requests are dropped, unless they are errors
 
 async function send(path, fields = {}) {
   const number = ++sent;
